@@ -251,15 +251,20 @@ NO_CONTACTS = ContactList()
 
 @dataclass(frozen=True, eq=False)
 class Drop:
-    """A contact that does not count, in some frames."""
+    """A contact that does not count in some frames."""
 
     parts: tuple[Numbers, ...]  # the target's joints of its two parts
     frames: Flags  # (frames,)
 
-    def of(self, a: Numbers, b: Numbers) -> Flags:
-        """(pairs,), whether joints a and b are one of each part."""
+    @property
+    def orders(self) -> tuple[tuple[Numbers, Numbers], ...]:
+        """The two parts in either order."""
         one, other = self.parts
-        return (np.isin(a, one) & np.isin(b, other)) | (np.isin(a, other) & np.isin(b, one))
+        return (one, other), (other, one)
+
+    def matches(self, a: Numbers, b: Numbers) -> Flags:
+        """(pairs,), whether joints a and b, (pairs,) each, belong to one part each, in either order."""
+        return np.asarray(np.any([np.isin(a, one) & np.isin(b, other) for one, other in self.orders], axis=0))
 
 
 def _check_names(name: str, parts: object, count: int) -> None:

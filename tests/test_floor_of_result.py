@@ -8,7 +8,7 @@ from bodies import HERO, SAMPLES, UP, matched, person, posed
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
-from distretarget.measure.supports import NEAR, find_feet, off_floor
+from distretarget.measure.supports import NEAR, find_feet, height_errors
 from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.skin.capsules import Capsules
 
@@ -35,8 +35,8 @@ def test_a_shift_of_the_whole_body_is_seen_as_far_as_it_is(walked, rise):
 
 def test_what_stands_on_a_step_belongs_there_and_what_is_near_the_floor_on_it():
     heights, of_source = np.array([1.5, 1.4, 1.0, 1.04, 0.9]), np.array([1.5, 1.5, 1.05, 1.05, 1.05])
-    np.testing.assert_allclose(off_floor(heights, of_source, 1.0), [0.0, -0.1, 0.0, 0.0, -0.1])
-    assert off_floor(np.array([1.0]), np.array([1.0 + 1.01 * NEAR]), 1.0) == pytest.approx(-1.01 * NEAR)
+    np.testing.assert_allclose(height_errors(heights, of_source, 1.0), [0.0, -0.1, 0.0, 0.0, -0.1])
+    assert height_errors(np.array([1.0]), np.array([1.0 + 1.01 * NEAR]), 1.0) == pytest.approx(-1.01 * NEAR)
 
 
 def test_a_body_that_never_rests_has_no_figure_of_the_floor():

@@ -32,11 +32,11 @@ from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import no_supports
 from distretarget.pipeline.performer import Transfer, match_performer
 from distretarget.scene.contacts import (
-    TRUNK_GIVE,
+    TRUNK_COMPLIANCE,
     ContactPoints,
     find_performer_contacts,
     find_scene_contacts,
-    how_far_joints_give,
+    joint_compliance,
 )
 from distretarget.scene.sweeps import MOST_SHORTFALL, MOST_SWEEPS, changed_steadily, with_shortfall
 
@@ -126,15 +126,15 @@ def test_contacts_leave_the_hips_where_they_are_alone():
 
 def test_limbs_go_as_far_as_they_are_long_and_standing_feet_as_little_as_the_trunk():
     one = performers()[0]
-    gives, skeleton, least = how_far_joints_give(one), one.clip.skeleton, TRUNK_GIVE * one.clip.unit
+    compliance, skeleton, least = joint_compliance(one), one.clip.skeleton, TRUNK_COMPLIANCE * one.clip.unit
     arm = skeleton.paths_from(skeleton.index("RightShoulder"))[skeleton.index(HAND)]
     alone = replace(one, supports=no_supports(len(one.clip)))
-    np.testing.assert_allclose(how_far_joints_give(alone)[:, skeleton.index(HAND)], least + arm)
-    np.testing.assert_allclose(gives[:, skeleton.index("Chest")], least)
+    np.testing.assert_allclose(joint_compliance(alone)[:, skeleton.index(HAND)], least + arm)
+    np.testing.assert_allclose(compliance[:, skeleton.index("Chest")], least)
     ankle = one.clip.target_legs[0].ankle
     stands = one.supports.weights[:, list(one.supports.joints).index(ankle)] == 1.0
     assert stands.any()
-    np.testing.assert_allclose(gives[stands, ankle], least)
+    np.testing.assert_allclose(compliance[stands, ankle], least)
 
 
 @pytest.mark.parametrize("cut", [False, True])

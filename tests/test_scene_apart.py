@@ -20,7 +20,7 @@ from distretarget.objectives.spots import IS_HARD
 from distretarget.scene import sweeps
 from distretarget.scene.props import PropSurface
 from distretarget.scene.scene_file import load_scene
-from distretarget.scene.skin import COUNT, Bodies, PropShape, _where_it_helps
+from distretarget.scene.skin import COUNT, Bodies, PropShape, _without_worse_bends
 from distretarget.scene.sweeps import FLESH, IS_CORE, IS_SEAT, IS_THIGH, Core, _slowed
 from distretarget.skin.capsules import IS_ARM
 
@@ -65,10 +65,10 @@ def test_two_balls_part_by_the_way_until_they_touch():
     along = np.array([[1.0, 0.0, 0.0]])
     beside, above = ball([1.0, 0.0, 0.0], 1.0), ball([0.8, 0.6, 0.0], 1.0)
     origin = ball([0.0, 0.0, 0.0], 1.0)
-    np.testing.assert_allclose(beside.way_from(origin, along, 0.0), 1.0)
-    np.testing.assert_allclose(beside.way_from(origin, along, 0.3), 0.7)
-    np.testing.assert_allclose(above.way_from(origin, along, 0.0), np.sqrt(4 - 0.36) - 0.8)
-    assert origin.way_from(beside, along, 0.0) == 0.0  # it is not ahead
+    np.testing.assert_allclose(beside.distance_to_clear(origin, along, 0.0), 1.0)
+    np.testing.assert_allclose(beside.distance_to_clear(origin, along, 0.3), 0.7)
+    np.testing.assert_allclose(above.distance_to_clear(origin, along, 0.0), np.sqrt(4 - 0.36) - 0.8)
+    assert origin.distance_to_clear(beside, along, 0.0) == 0.0  # it is not ahead
 
 
 def test_they_part_before_they_have_to_and_slowly():
@@ -203,7 +203,7 @@ def test_what_is_no_prop_keeps_no_limb_from_bending():
     bodies = Bodies([each.skins.target for each in fat("waltz")[0]])
     assert bodies.gaps(deep).min() < bodies.gaps(shallow).min() - 0.02
     one = SimpleNamespace(clip=SimpleNamespace(shots=np.zeros(len(deep[0]))))
-    for kept, motion in zip(_where_it_helps([one], bodies, shallow, deep), deep, strict=True):
+    for kept, motion in zip(_without_worse_bends([one], bodies, shallow, deep), deep, strict=True):
         np.testing.assert_array_equal(kept.rotations, motion.rotations)
 
 

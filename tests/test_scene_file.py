@@ -16,7 +16,7 @@ from distretarget.batch import results
 from distretarget.errors import FileError
 from distretarget.io.files import write_whole
 from distretarget.scene.props import Grip
-from distretarget.scene.scene_file import load_scene, started, synchronised
+from distretarget.scene.scene_file import from_start, load_scene, synchronised
 
 SCENES = sorted((SAMPLES / "scenes").glob("*/scene.json"))
 ONE = {"source": "one.bvh", "target": "child.json"}
@@ -204,13 +204,13 @@ def swayed():
 
 def test_nothing_is_changed_that_need_not_be():
     motion = swayed()
-    (same,) = synchronised([started(motion, 0.0)], cut=False, resample=True)
+    (same,) = synchronised([from_start(motion, 0.0)], cut=False, resample=True)
     assert same is motion
 
 
 def test_starts_and_cuts_leave_the_common_frames():
     motion = swayed()
-    late, early = synchronised([started(motion, 5 * motion.frame_time), motion], cut=True, resample=False)
+    late, early = synchronised([from_start(motion, 5 * motion.frame_time), motion], cut=True, resample=False)
     assert len(late) == len(early) == 16
     np.testing.assert_array_equal(late.positions, motion.positions[5:])
     np.testing.assert_array_equal(early.positions, motion.positions[:16])
@@ -229,7 +229,7 @@ def test_resampled_frames_lie_on_the_motion():
 
 def test_a_start_after_the_end_is_refused():
     with pytest.raises(MotionError, match=r"lasts 2\.1 s; start before that"):
-        started(replace(swayed(), frame_time_text="0.1"), 5.0)
+        from_start(replace(swayed(), frame_time_text="0.1"), 5.0)
 
 
 def slow_and_fast():
@@ -261,7 +261,7 @@ def test_resampling_does_not_make_many_frames_of_few(tmp_path):
 def test_a_cut_leaves_the_frames_of_the_shortest_down_to_one(frames):
     motions = [swayed()[:count] for count in frames]
     assert {len(motion) for motion in synchronised(motions, cut=True, resample=True)} == {min(frames)}
-    motions = [started(motion, 0.0) for motion in motions]
+    motions = [from_start(motion, 0.0) for motion in motions]
     assert len(retarget_scene(synchronised(motions, cut=True, resample=False), [person()] * 2).results) == 2
 
 

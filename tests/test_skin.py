@@ -364,18 +364,18 @@ def test_frames_between_those_that_are_measured_hold_the_last():
     reference = find_source_skin(fast, BODY, skin, skin)
     every = replace(
         reference,
-        seen=np.arange(len(fast)),
-        touches=np.vstack([reference.seen[reference.touches[0]], reference.touches[1:]]),
+        sampled=np.arange(len(fast)),
+        touches=np.vstack([reference.sampled[reference.touches[0]], reference.touches[1:]]),
     )
     some, all_of_them = reference.in_result(fast), every.in_result(fast)
-    assert len(reference.seen) < 0.5 * len(fast)
-    np.testing.assert_array_equal(some.deepest[reference.seen], all_of_them.deepest[reference.seen])
-    last = np.searchsorted(reference.seen, np.arange(len(fast)), side="right") - 1
-    np.testing.assert_array_equal(some.deepest, all_of_them.deepest[reference.seen[last]])
+    assert len(reference.sampled) < 0.5 * len(fast)
+    np.testing.assert_array_equal(some.deepest[reference.sampled], all_of_them.deepest[reference.sampled])
+    last = np.searchsorted(reference.sampled, np.arange(len(fast)), side="right") - 1
+    np.testing.assert_array_equal(some.deepest, all_of_them.deepest[reference.sampled[last]])
     touching = known_depths(fast) > -TOUCHING / 100.0 * BODY.height
     edges = np.flatnonzero(np.diff(touching)) + 1
     assert len(edges)
-    assert np.isin(edges, reference.seen).all()
+    assert np.isin(edges, reference.sampled).all()
 
 
 # ---- other parts
@@ -437,10 +437,10 @@ def test_of_the_parts_of_a_place_the_nearest_is_found_and_others_if_they_are_loo
     of_thigh = motion.positions[:, ROLES["leftUpperLeg"]] + [0.0, -0.3, 0.0]
     known = 0.08 + HAND - np.linalg.norm(motion.positions[:, HANDS[0]] - of_thigh, axis=1)
     together = find_depths(skin.patches, skin.solids, posed, reach)[0][:, hand]
-    alone = find_depths(skin.patches, skin.solids, posed, reach, alone=np.ones(shape, bool))[0][:, hand]
+    separate = find_depths(skin.patches, skin.solids, posed, reach, separate=np.ones(shape, bool))[0][:, hand]
     nearest = np.maximum(known, known_depths(motion))
-    np.testing.assert_allclose(alone[:, thigh], known, atol=0.005)
-    np.testing.assert_allclose(alone[:, pelvis], known_depths(motion), atol=0.005)
+    np.testing.assert_allclose(separate[:, thigh], known, atol=0.005)
+    np.testing.assert_allclose(separate[:, pelvis], known_depths(motion), atol=0.005)
     np.testing.assert_allclose(together[:, [pelvis, thigh]].max(axis=1), nearest, atol=0.005)
 
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Body, Motion
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.measure.metrics import BY_KEY, Track, middles
-from distretarget.measure.skin_touches import PASSES_BY, SPEED_SPAN, hanging_parts, passing, speeds
+from distretarget.measure.metrics import BY_KEY, Track, middle_thirds
+from distretarget.measure.skin_touches import PASSES_BY, SPEED_SPAN, hanging_parts, passing, relative_speeds
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms
@@ -30,7 +30,7 @@ GAP = BY_KEY["skin_gap"]
 def test_the_middle_third_of_a_touch_is_judged(touch, judged):
     counts = np.zeros((20, 1), int)
     counts[5 : 5 + touch] = 2
-    within = middles(counts)
+    within = middle_thirds(counts)
     assert np.flatnonzero(within).tolist() == [5 + frame for frame in judged]
     assert within.max() == 2
 
@@ -38,7 +38,7 @@ def test_the_middle_third_of_a_touch_is_judged(touch, judged):
 def test_each_limb_and_each_touch_has_its_own_middle():
     counts = np.array([[1, 0]] * 4 + [[0, 0]] + [[1, 1]] * 4)
     assert (
-        middles(counts).tolist()
+        middle_thirds(counts).tolist()
         == np.array([[0, 0], [1, 0], [1, 0], [0, 0], [0, 0], [0, 0], [1, 1], [1, 1], [0, 0]]).tolist()
     )
 
@@ -72,8 +72,8 @@ def spinning(angles):
 def test_the_speed_of_a_hand_is_that_as_seen_from_the_part():
     turning, frames = spinning(np.linspace(0, 2.0, FRAMES)), np.arange(10, 50)
     on = np.full(len(frames), HIPS)
-    np.testing.assert_allclose(speeds(turning, frames, np.full(len(frames), HAND), on), 0, atol=1e-9)
-    as_seen_from_the_hand = speeds(turning, frames, on, np.full(len(frames), HAND))
+    np.testing.assert_allclose(relative_speeds(turning, frames, np.full(len(frames), HAND), on), 0, atol=1e-9)
+    as_seen_from_the_hand = relative_speeds(turning, frames, on, np.full(len(frames), HAND))
     np.testing.assert_allclose(as_seen_from_the_hand, 0, atol=1e-9)
 
 
@@ -91,8 +91,9 @@ def test_a_hand_that_comes_back_is_slow_and_one_that_goes_on_as_fast_as_known():
     times = (np.arange(FRAMES) - 30) * FRAME_TIME
     one = np.array([30]), np.array([HAND]), np.array([HIPS])
     reach = round(SPEED_SPAN / FRAME_TIME) * FRAME_TIME
-    assert speeds(waving(rate * times), *one)[0] == pytest.approx(radius * np.sin(rate * reach) / reach, rel=1e-6)
-    assert speeds(waving(rate * np.abs(times)), *one)[0] == pytest.approx(0.0, abs=1e-9)
+    wave = radius * np.sin(rate * reach) / reach
+    assert relative_speeds(waving(rate * times), *one)[0] == pytest.approx(wave, rel=1e-6)
+    assert relative_speeds(waving(rate * np.abs(times)), *one)[0] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_touches_pass_by_if_they_are_fast_on_average_while_they_last():
@@ -106,7 +107,7 @@ def test_touches_pass_by_if_they_are_fast_on_average_while_they_last():
 
 
 def test_a_clip_of_one_frame_has_no_speed():
-    alone = speeds(spinning([0.3]), np.array([0]), np.array([HAND]), np.array([HIPS]))
+    alone = relative_speeds(spinning([0.3]), np.array([0]), np.array([HAND]), np.array([HIPS]))
     np.testing.assert_array_equal(alone, [0.0])
 
 

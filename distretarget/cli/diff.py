@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 import click
 
@@ -55,10 +56,14 @@ FAIL_OVER_HELP = (
 )
 
 
-Account = tuple[Values, Callable[[], str], Callable[[], str], Sequence[str], str]
-"""A diff of clips or scenes: its document, what makes the HTML report and the CSV, the lines that are printed, and what
-is over its limit; empty if nothing is.
-"""
+class Account(NamedTuple):
+    """A diff of clips or scenes, with its outputs."""
+
+    document: Values
+    page: Callable[[], str]  # makes the HTML report
+    csv: Callable[[], str]  # makes the CSV of the frames
+    lines: Sequence[str]  # that are printed
+    fault: str  # on the metrics over their limits; empty if there are none
 
 
 def of_metric(text: str) -> tuple[str, float]:
@@ -133,11 +138,11 @@ def diff_command(
             raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
         check_outputs(outputs, [a, b, map_path], overwrite)
         account = _measure_clips(a, b, clip, map_path, limits, verbose)
-    found, page, csv, lines, fault = account
-    write_outputs({report: page, json_path: lambda: json_text(found), csv_path: csv}, overwrite)
-    say(*lines)
-    if fault:
-        raise click.ClickException(fault)
+    texts = {report: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
+    write_outputs(texts, overwrite)
+    say(*account.lines)
+    if account.fault:
+        raise click.ClickException(account.fault)
 
 
 def _measure_clips(
@@ -148,8 +153,8 @@ def _measure_clips(
     result = measure(first, second, a_text.path, b_text.path, map_path)
     metrics = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
     lines = [*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)]
-    made = metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"])
-    return *made, lines, _fault(b_text.path, over(metrics["limits"]))
+    fault = _fault(b_text.path, over(metrics["limits"]))
+    return Account(metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"]), lines, fault)
 
 
 def _motion(file: InputFile, clip: str | None) -> Motion:
@@ -309,8 +314,8 @@ def measure_scenes(
     metrics = scene_document(result, documents, props, replace(run, limits=of_scene))
     verdicts = {} if verbose else {name: [*over_limits(one)] for name, one in performers.items()}
     faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
-    made = metrics, lambda: scene_diff_page(result, metrics), lambda: scene_csv(metrics)
-    return *made, [*_scene_lines(metrics, verdicts)], _fault(b.path, [*over(metrics["limits"]), *faults])
+    lines, fault = [*_scene_lines(metrics, verdicts)], _fault(b.path, [*over(metrics["limits"]), *faults])
+    return Account(metrics, lambda: scene_diff_page(result, metrics), lambda: scene_csv(metrics), lines, fault)
 
 
 def _props(a: SceneInput, b: SceneInput) -> list[str]:

@@ -1,4 +1,4 @@
-"""What is wrong with a clip as it is, without a target: cuts, jumps, frozen frames, feet that skate, and so on.
+"""Faults of a clip by itself, without a target: cuts, jumps, frozen frames, feet that skate, and so on.
 
 Each kind of fault is one number with a limit; lengths are in leg lengths of the body, so that units do not matter.
 """
@@ -21,14 +21,14 @@ from distretarget.numerics.time_series import Shots, spans_of, usual_steps
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 
 MOST = 0.3  # at a cut the median step of the joints is at least this share of their mean step
-LONE = 0.25  # frames before a cut are a pose by themselves if they last up to this [s]
-FAR = 0.04  # a joint jumps if it goes farther than this in a frame [leg lengths], and as far as at ...
+LONE = 0.25  # frames before a cut that last no longer than this are a first pose [s]
+FAR = 0.04  # a joint jumps if its step in a frame is larger than this [leg lengths], and than that at ...
 FAST = 4.0  # this speed [leg lengths / s], ...
-TURN = np.radians(90.0)  # and flips if it turns farther [rad], ...
-SUDDEN = 4.0  # and this many times as far as in the frames around
-SAME = 1e-7  # joints that move less in a frame stay where they are [leg lengths]
-AT_ONCE = 0.1  # a body that moves faster than this, on average over its joints, does not stop at once [leg lengths / s]
-MOVING = 0.05  # and one that moves faster than this does not stand still for a frame [leg lengths / s]
+TURN = np.radians(90.0)  # and flips if it turns by more than this [rad], ...
+SUDDEN = 4.0  # and by this many times as much as in the frames around
+SAME = 1e-7  # joints that move less in a frame do not move [leg lengths]
+AT_ONCE = 0.1  # a body that stops dead was faster than this, on average over its joints [leg lengths / s]
+MOVING = 0.05  # a body is in the middle of a movement if it is faster than this [leg lengths / s]
 HOLD = 0.1  # equal frames for longer than this are frozen, for less repeated [s]
 
 LOW = 0.04  # a foot stands if ankle and toe are this near to their lowest heights [leg lengths] ...
@@ -39,12 +39,12 @@ SKATE = 0.2  # for at least this time [s]
 TERRAIN = 0.15  # feet that rest at heights that differ by more than this are not on one floor [leg lengths]
 SPAN = 0.05  # speeds of feet are means over this time before and after a frame [s]
 STILL = 0.1  # a foot joint slower than this stands on something [leg lengths / s]
-SLOWEST = 1.0  # no motion has fewer frames; a longer frame time is in milliseconds [s]
-LIKELY = 10  # no fewer resting frames show where the floor is
-STRAIGHT = 0.9  # a leg that stands is at least this long [leg lengths]
-AGREE = np.radians(15)  # trunk and legs of a straight body are within this angle of up from its soles [rad]
+SLOWEST = 1.0  # a longer frame time is an error, such as one in milliseconds [s]
+LIKELY = 10  # resting frames of a foot joint that are needed to find the floor
+STRAIGHT = 0.9  # the length, hip to ankle, from which on a leg is straight [leg lengths]
+AGREE = np.radians(15)  # trunk and legs of a straight body are within this angle of the normal of its soles [rad]
 LIES = np.radians(60)  # a body that leans farther than this lies [rad]
-STANDS = 10  # fewer frames in which a foot stands show nothing
+STANDS = 10  # standing frames that are needed to find the tilt
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Kind:
     meaning: str  # of its number
     unit: str = ""
     limit: float = 0.0  # a clip has the fault if the number is above this
-    plain: bool = False  # the number only says whether the clip has the fault, 1 or 0
+    plain: bool = False  # whether the number is only 1, a fault, or 0
 
 
 KINDS: Mapping[str, Kind] = {
@@ -92,7 +92,7 @@ Findings = dict[str, Finding]
 
 
 def find_faults(motion: Motion) -> Findings:
-    """Return what is wrong with a motion, by kind; kinds that cannot be measured are missing."""
+    """Return the numbers of all faults of a motion, by kind; kinds that cannot be measured are missing."""
     if len(motion) < 2:
         return {"unreadable": Finding(1.0, None, "has fewer than two frames")}
     body = Body.of_motion(motion)
@@ -105,13 +105,13 @@ def find_faults(motion: Motion) -> Findings:
     own = np.insert(steps.max(axis=1, initial=0.0) >= SAME, 0, True)  # the frames that do not repeat the one before
     shots = _shots(motion[own], body)[np.cumsum(own) - 1]
     findings |= _cuts(shots, motion.frame_time)
-    begins = 2 * int(findings["first_pose"].value)  # it may take as many frames to settle
+    begins = 2 * int(findings["first_pose"].value)  # after a first pose, the motion may take as long to settle
     if len(motion) - begins > 1 and len(joints):
-        settled, kept = motion[begins:], np.flatnonzero(own[begins:])
+        settled, changing = motion[begins:], np.flatnonzero(own[begins:])
         found = _of_feet(settled, body, shots[begins:], joints) | {"stretching": _stretching(settled, body, leg)}
-        findings |= {kind: _at(each, np.arange(begins, len(motion))) for kind, each in found.items()}
-        found = _of_steps(settled[kept], body, joints, shots[begins:][kept])
-        findings |= {kind: _at(each, begins + kept) for kind, each in found.items()}
+        findings |= {kind: _in_clip(each, np.arange(begins, len(motion))) for kind, each in found.items()}
+        found = _of_steps(settled[changing], body, joints, shots[begins:][changing])
+        findings |= {kind: _in_clip(each, begins + changing) for kind, each in found.items()}
     contradicts = body.up_at_rest is not None and body.found_up not in (None, body.up_at_rest)
     findings["up_axis"] = Finding(float(contradicts), None, f"{body.found_up} is up" if contradicts else "")
     findings["sides"] = Finding(float(body.left_is_left is False))
@@ -122,13 +122,13 @@ def find_faults(motion: Motion) -> Findings:
     return findings
 
 
-def _at(found: Finding, frames: Numbers) -> Finding:
-    """A finding in some frames of a clip, whose numbers are given."""
+def _in_clip(found: Finding, frames: Numbers) -> Finding:
+    """A finding in a part of a clip, by the frames of the clip; `frames` are those of the part."""
     return found if found.frame is None else replace(found, frame=int(frames[found.frame]))
 
 
 def _still(steps: Array, frame_time: float) -> Findings:
-    """Equal frames: in the whole clip, and in the middle of a movement for long, and for a few frames."""
+    """Equal frames: whether all are equal; the longest sudden stop; and those repeated within a movement."""
     speeds, equal = steps.mean(axis=1) / frame_time, steps.max(axis=1) < SAME
     frozen, repeated, first, first_repeated = 0.0, 0, None, None
     for start, end in spans_of(equal):
@@ -144,7 +144,7 @@ def _still(steps: Array, frame_time: float) -> Findings:
 
 
 def _shots(motion: Motion, body: Body) -> Shots:
-    """The shot of each frame, (frames,); a limb that jumps alone makes no cut."""
+    """(frames,), the shot of each frame; at a cut most joints jump, not only a limb."""
     if len(motion) < 2:
         return np.zeros(len(motion), np.intp)
     edges = np.diff(body.shots_of(motion)) != 0
@@ -154,7 +154,7 @@ def _shots(motion: Motion, body: Body) -> Shots:
 
 
 def _cuts(shots: Shots, frame_time: float) -> Findings:
-    """Frames before the motion begins, and cuts after that."""
+    """The numbers of frames of a first pose before the motion begins, and of cuts after that."""
     edges = np.flatnonzero(np.diff(shots)) + 1
     begins = 0
     for edge in edges:
@@ -181,12 +181,12 @@ def _of_steps(motion: Motion, body: Body, joints: Numbers, shots: Shots) -> Find
 
 
 def _sudden(steps: Array, far: float, inside: Flags, joints: Numbers, body: Body) -> Finding:
-    """The number of frames to which a joint goes farther than `far`, and `SUDDEN` times as far as around; `steps` are
-    (frames - 1, joints), those at cuts are not `inside`.
+    """The number of frames with a step larger than `far` and than `SUDDEN` times the usual step around. `steps` are
+    (frames - 1, joints); `inside`, (frames - 1,), leaves out cuts.
     """
     usual = usual_steps(np.where(inside[:, None], steps, 0.0))
     far_steps = (steps > far) & inside[:, None]
-    far_steps[[0, -1]] = False  # nothing shows how the body moves before and after
+    far_steps[[0, -1]] = False  # one side of these is unknown
     frames, some = np.nonzero(far_steps & (steps > SUDDEN * usual))
     if not len(frames):
         return Finding(0.0)
@@ -210,30 +210,31 @@ def _stretching(motion: Motion, body: Body, leg: float) -> Finding:
 
 
 def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Numbers) -> Findings:
-    """What is wrong with feet, and with how a body, which has some `joints`, stands on the floor."""
+    """Faults of the feet, and of how the `joints` of a body stand over the floor."""
     if body.legs is None:
         return {}
     findings = {"off_floor": Finding(abs(body.lowest(body.up_vector)) / body.leg_length), "skating": Finding(0.0)}
-    speeds = [_mean_speeds(motion.positions[:, _ends(foot)], motion.frame_time).max(axis=1) for foot in body.legs]
+    x, time = motion.positions, motion.frame_time
+    speeds = [_mean_speeds(x[:, _foot_joints(foot)], time).max(axis=1) for foot in body.legs]
     findings["tilt"] = Finding(_tilt(motion, body, np.stack(speeds, axis=1) < STILL * body.leg_length))
     skates = np.stack([_skates(motion, body, foot, shots) for foot in body.legs], axis=1)
     spans = [(end - start, int(start), foot) for foot in (0, 1) for start, end in spans_of(skates[:, foot])]
     if spans:
         _, start, foot = max(spans, key=lambda span: span[0])
-        time = float(skates.any(axis=1).sum() * motion.frame_time)
-        findings["skating"] = Finding(time, start, body.skeleton.keys[body.legs[foot].ankle])
+        findings["skating"] = Finding(
+            float(skates.any(axis=1).sum() * time), start, body.skeleton.keys[body.legs[foot].ankle]
+        )
     if (below := _below_floor(motion, body, joints)) is not None:
         findings["below_floor"] = below
     return findings
 
 
 def _tilt(motion: Motion, body: Body, still: Flags) -> float:
-    """How far the world of a motion is tilted [degrees]: gravity shows it, since nobody stands straight over soles
-    that lean. It is the least of what soles, legs and trunk lean on average while a foot stands under a straight leg,
-    if they lean to the same side; else 0. On a slope only the soles lean, and of a person who bows only the trunk
-    does. Feet are taken to stand flat in the rest pose; nothing is known of a body that does not stand in it.
+    """How far the world of a motion is tilted [degrees]: the least mean lean of soles, legs and trunk while a foot
+    stands under a straight leg, if all lean to the same side; else 0. On a slope only the soles lean, in a bow only the
+    trunk. Feet are assumed to be flat in the rest pose; a body that does not stand in it gives 0.
 
-    `still`, (frames, 2), says whether each foot stays where it is.
+    `still`, (frames, 2), says whether each foot stays in its place.
     """
     if body.legs is None or body.anatomy is None or not body.stands_at_rest:
         return 0.0
@@ -241,10 +242,10 @@ def _tilt(motion: Motion, body: Body, still: Flags) -> float:
     ups: list[list[Array]] = [[], [], []]
     for leg, stays in zip(body.legs, still.T, strict=True):
         up_the_leg = motion.positions[:, leg.hip] - motion.positions[:, leg.ankle]
-        on = stays & (lengths(up_the_leg) > STRAIGHT * body.leg_length)
-        if on.any():
-            normals = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[on]).apply(body.rest.axes[:, 1])
-            for each, found in zip(ups, (normals, up_the_leg[on], trunk[on]), strict=True):
+        stands = stays & (lengths(up_the_leg) > STRAIGHT * body.leg_length)
+        if stands.any():
+            normals = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[stands]).apply(body.rest.axes[:, 1])
+            for each, found in zip(ups, (normals, up_the_leg[stands], trunk[stands]), strict=True):
                 each.append(found)
     if sum(map(len, ups[0])) < STANDS:
         return 0.0
@@ -256,7 +257,7 @@ def _tilt(motion: Motion, body: Body, still: Flags) -> float:
 
 def _skates(motion: Motion, body: Body, foot: Leg, shots: Shots) -> Flags:
     """(frames,), whether a foot stands and moves along the floor."""
-    ends, up, leg = _ends(foot), body.up_vector, body.leg_length
+    ends, up, leg = _foot_joints(foot), body.up_vector, body.leg_length
     heights = heights_of(motion.positions, ends, up) / leg
     low = (heights - np.percentile(heights, LOWEST, axis=0) < LOW).all(axis=1)
     rises = _mean_speeds(heights[..., None], motion.frame_time).max(axis=1)
@@ -272,14 +273,14 @@ def _skates(motion: Motion, body: Body, foot: Leg, shots: Shots) -> Flags:
 
 
 def _below_floor(motion: Motion, body: Body, joints: Numbers) -> Finding | None:
-    """How deep joints go below the floor on which feet rest, while no foot stands lower; None if no foot rests, or if
-    they rest at several heights.
+    """The largest depth of joints below the floor on which feet rest, in frames in which no foot stands lower; None if
+    no foot rests, or if they rest at several heights.
     """
     rests, up, leg = [*_rests(motion, body)], body.up_vector, body.leg_length
     if not rests or max(high - low for low, _, high in rests) > TERRAIN * leg:
         return None
     floor = min(usual for _, usual, _ in rests)
-    ends = _ends(*body.legs or ())
+    ends = _foot_joints(*body.legs or ())
     lowest = heights_of(motion.positions, joints, up)
     stands = (_mean_speeds(motion.positions[:, ends], motion.frame_time) < STILL * leg) & (
         heights_of(motion.positions, ends, up) < floor - 0.01 * KINDS["below_floor"].limit * leg
@@ -291,7 +292,7 @@ def _below_floor(motion: Motion, body: Body, joints: Numbers) -> Finding | None:
 
 
 def _rests(motion: Motion, body: Body) -> Iterator[tuple[float, float, float]]:
-    """For each foot joint that rests often: a low, its usual and a high height while it rests [file units]."""
+    """For each foot joint that rests often, its 10th, 50th and 90th percentile of heights at rest [file units]."""
     for foot in body.legs or ():
         rests = feet_at_rest(motion, foot, body.up_vector, body.leg_length)
         heights = heights_of(motion.positions, [foot.ankle, foot.toe], body.up_vector)
@@ -301,7 +302,7 @@ def _rests(motion: Motion, body: Body) -> Iterator[tuple[float, float, float]]:
                 yield float(low), float(usual), float(high)
 
 
-def _ends(*feet: Leg) -> Numbers:
+def _foot_joints(*feet: Leg) -> Numbers:
     """Ankles and toes, each once."""
     return np.array(sorted({joint for foot in feet for joint in (foot.ankle, foot.toe)}), np.intp)
 

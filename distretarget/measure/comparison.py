@@ -29,8 +29,8 @@ from distretarget.rig import found_once
 from distretarget.skin.capsules import no_capsules
 
 INSTANT = 1 / 60  # the time over which turns, shaking and pops are measured [s]
-STEADY = 1 / 30  # the acceleration of the hips is that between frames so far apart: noise is faster [s]
-# Roles whose bones point differently in every build: of trunk, collar bones, hands, head and feet.
+STEADY = 1 / 30  # the step of the differences that give the acceleration of the hips, above the time of noise [s]
+# Roles whose bones point differently in every body: of trunk, collar bones, hands, head and feet.
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
 
 Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
@@ -38,14 +38,14 @@ Expected = Callable[[slice], Array]  # directions of bones in a block of frames,
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Comparison:
-    """What was measured of a result against its source.
+    """The measurements of a result against its source.
 
     Attributes:
         contacts: the self-contacts of the source, and how well the result keeps them.
         stance: (frames, foot joints), whether ankle and toe of each leg rest in the source.
-        others_rest: (frames, joints), whether each of the other joints that rest at some time does so in the source.
-        source_tracks: what the metrics of the source are taken from.
-        tracks: the same of the result, without what only a run has: stress, pops, frames not converged.
+        others_rest: (frames, joints), the same of other joints, of those that rest in some frame.
+        source_tracks: the tracks of the source's metrics.
+        tracks: those of the result, without those of a run: stress, pops, frames not converged and so on.
     """
 
     contacts: Contacts
@@ -56,7 +56,7 @@ class Comparison:
 
 
 class Reference:
-    """A source that results on a target are measured against; what concerns the source alone is measured once."""
+    """A source against which results on a target are measured; the source itself is measured once."""
 
     def __init__(
         self,
@@ -109,7 +109,7 @@ class Reference:
             **self._feet.in_result(result, supports),
             "support_skate": Track(supports.skate, supports.rest, skeleton.keys_of(supports.joints)),
             "support_height": Track(supports.height, supports.on_floor, skeleton.keys_of(supports.joints)),
-            **{key: errors_of(held, result) for key, held in self._posture.items()},
+            **{key: errors_of(directions, result) for key, directions in self._posture.items()},
             "jerk": _jerk(result, self.matching.target),
             "turn": Track(further, parts=skeleton.keys_of(self._turned)),
             "hips_acceleration": self._acceleration_of_hips(result, 1),
@@ -123,8 +123,8 @@ class Reference:
         )
 
     def _acceleration_of_hips(self, motion: Motion, of: Literal[0, 1]) -> Track:
-        """(frames but the last few,), that of the middle between the hip joints of a motion of source, 0, or target, 1
-        [leg lengths / s^2]; none without legs.
+        """(frames - a few,), the acceleration of the middle between the hip joints in a motion of the source, 0, or the
+        target, 1 [leg lengths / s^2]; empty without legs.
         """
         lag = max(round(STEADY / motion.frame_time), 1)
         if self.matching.legs is None or len(motion) <= 2 * lag:
@@ -169,10 +169,10 @@ def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array
 
 
 def expected_directions(source: Motion, matching: Matching) -> Expected:
-    """Return where the `shared_bones` of the target should point.
+    """Return the directions that the `shared_bones` of the target should have.
 
     A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
-    head and feet point differently in every build: the source's rotation, relative to the rest poses, should turn the
+    head and feet point differently in every body: the source's rotation, relative to the rest poses, should turn the
     target's own bone.
     """
     drivers, lower, turns = matching.drivers, shared_bones(matching), _turned_bones(matching)
@@ -189,18 +189,18 @@ def expected_directions(source: Motion, matching: Matching) -> Expected:
 
 @by_soles
 def _turned_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
-    """For each of the `shared_bones` the joints that turn it, (bones, 2), or -1, their blend, (bones,), and the bone in
-    the axes of these joints, (bones, 2, 3).
+    """Return for each of the `shared_bones` the two source joints that turn it, (bones, 2), -1 for none, their blend
+    weight, (bones,), and the bone in their axes, (bones, 2, 3).
     """
     lower, skeleton, alignment = shared_bones(matching), matching.target.skeleton, rest_alignment(matching)
     upper, bones = skeleton.parents[lower], skeleton.offsets[lower]
-    own = np.isin(upper, _built_differently(matching))
+    turned = np.isin(upper, _built_differently(matching))
     aligned = np.stack([Rotation.from_quat(alignment[upper, k]).apply(bones) for k in (0, 1)], axis=1)
-    return np.where(own[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
+    return np.where(turned[:, None], matching.rotation_sources[upper], -1), matching.blend[upper], aligned
 
 
 def _built_differently(matching: Matching) -> list[int]:
-    """The target's joints whose bones point differently in every build; none unless both bodies have an anatomy."""
+    """The target's joints whose bones point differently in every body; none unless both bodies have an anatomy."""
     anatomy = matching.target.anatomy
     if anatomy is None or matching.source.anatomy is None:
         return []

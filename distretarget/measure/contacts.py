@@ -1,9 +1,9 @@
-"""Self-contacts: which regions of a body touch, such as hand and hip, and how well a result keeps that.
+"""Self-contacts of regions of a body, such as hand and hip, and how well a result keeps them.
 
 Two regions of the target's body touch in a frame if they are not neighbours and their nearest joints are close to each
 other in the source, but far apart along the tree, and clearly closer than while the source stands with hanging arms:
 a hand that hangs beside the hip does not touch it. Two feet, and two shins, do not count while the body stands or
-walks: they pass each other in every stride.
+walks, since they pass each other in every stride.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.rig import found_once
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
-LEAST_DISTANCE = 0.01  # ... or below this where they touch in that pose, too ...
-NEARER = 0.8  # ... and below this share of D in the source with hanging arms ...
-STRIDE = 0.2  # a body stands or walks in frames within this time of one in which a foot rests [s]
+NEARER = 0.8  # ... and below this share of their D while arms hang ...
+LEAST_DISTANCE = 0.01  # ... or, if that is less, below this ...
 FAR_ALONG = 5  # ... and at least this many joints on the path between them
+STRIDE = 0.2  # a body stands or walks in frames within this time of one in which a foot rests [s]
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Candidates:
     v: Numbers  # (pairs of joints,)
     tau_source: Array  # (pairs of joints,), path lengths on the source, between their drivers [source file units]
     tau: Array  # (pairs of joints,), path lengths on the target [target file units]
-    limits: Array  # (pairs of joints,), they touch while D in the source is below this
+    limits: Array  # (pairs of joints,), the D in the source below which they touch
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -57,7 +57,7 @@ class RegionContact:
     distance_result: float  # the same in the result
     error: float  # mean |D_source - D_result| over these frames
     worst_frame: int  # of the largest |D_source - D_result|
-    u: int  # the target joints that are nearest in the source in that frame
+    u: int  # with v, the target joints that are nearest in the source in that frame
     v: int
 
 
@@ -68,8 +68,8 @@ class Contacts:
     candidates: Candidates
     strides: Flags  # (frames,), whether a foot of the source rests within `STRIDE`
     frame: Numbers  # (rows,), ascending
-    regions: Numbers  # (rows,), which pair of regions touches, as an index of `candidates.names`
-    nearest: Numbers  # (rows,), the pair of target joints that is nearest in the source, a number among `candidates.u`
+    regions: Numbers  # (rows,), the pair of regions that touches, an index into `candidates.names`
+    nearest: Numbers  # (rows,), the pair of joints that is nearest in the source, an index into `candidates.u`
     distance_source: Array  # (rows,), D of these joints
     distance_result: Array
 
@@ -85,14 +85,14 @@ class Contacts:
 
     def without(self, drops: Sequence[Drop]) -> Contacts:
         """Return the contacts without those that a user drops."""
-        kept = ~np.any([drop.of(self.u, self.v) & drop.frames[self.frame] for drop in drops], axis=0)
+        is_left = ~np.any([drop.matches(self.u, self.v) & drop.frames[self.frame] for drop in drops], axis=0)
         rows = (self.frame, self.regions, self.nearest, self.distance_source, self.distance_result)
-        return Contacts(self.candidates, self.strides, *(each[kept] for each in rows))
+        return Contacts(self.candidates, self.strides, *(each[is_left] for each in rows))
 
     def in_result(self, result: Motion) -> Contacts:
         """The same contacts with the distances of a result."""
         tau = self.candidates.tau[self.nearest]
-        return replace(self, distance_result=_apart(result, self.frame, self.u, self.v) / tau)
+        return replace(self, distance_result=_distances(result, self.frame, self.u, self.v) / tau)
 
     @property
     def error(self) -> Array:
@@ -132,8 +132,8 @@ class Contacts:
 
 
 def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
-    """Find the contacts of a source, which is its own result until `in_result`. `feet_rest`, (frames, foot joints), is
-    whether each foot joint rests in the source; without legs it has no columns.
+    """Find the contacts of a source, with its own distances in place of a result's until `in_result`. `feet_rest`,
+    (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
     """
     candidates, reach = find_candidates(matching), round(STRIDE / source.frame_time)
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
@@ -143,7 +143,7 @@ def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -
     write_nearest(np.ascontiguousarray(source.positions), u, v, limits, ends, nearest)
     frame, regions = np.nonzero((nearest >= 0) & ~(candidates.passing & strides[:, None]))
     pair = nearest[frame, regions].astype(np.intp)
-    D = _apart(source, frame, u[pair], v[pair]) / candidates.tau_source[pair]
+    D = _distances(source, frame, u[pair], v[pair]) / candidates.tau_source[pair]
     return Contacts(candidates, strides, frame, regions, pair, D, D)
 
 
@@ -151,8 +151,8 @@ def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -
 def find_candidates(matching: Matching) -> Candidates:
     """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree.
 
-    They are joints and End Sites with a driver; of coinciding ones, only the first; of more than `MOST_POINTS`, those
-    on the longest branches.
+    Only joints and End Sites with a driver count; of coinciding ones the first; of more than `MOST_POINTS` those on the
+    longest branches.
     """
     source, target = matching.source.skeleton, matching.target.skeleton
     drivers, regions = matching.drivers, matching.regions
@@ -172,12 +172,12 @@ def find_candidates(matching: Matching) -> Candidates:
     hanging = hanging_gaps(matching.source, drivers[u], drivers[v]) / tau_source
     pairs, first = np.unique(ends[order], axis=0, return_index=True)
     names = tuple(f"{regions.names[a]} - {regions.names[b]}" for a, b in pairs)
-    passing = _pass_by(regions, pairs.reshape(-1, 2), matching.legs[1] if matching.legs else None)
+    passing = _pass_in_stride(regions, pairs.reshape(-1, 2), matching.legs[1] if matching.legs else None)
     limits = np.clip(NEARER * hanging, LEAST_DISTANCE, CONTACT_DISTANCE)
     return Candidates(names, passing, first, u, v, tau_source, tau, limits)
 
 
-def _pass_by(regions: Regions, pairs: Numbers, legs: Legs | None) -> Flags:
+def _pass_in_stride(regions: Regions, pairs: Numbers, legs: Legs | None) -> Flags:
     """(pairs,), whether two regions, (pairs, 2), pass each other in a stride: both shins, or both feet."""
     if not legs:
         return np.zeros(len(pairs), bool)
@@ -187,6 +187,6 @@ def _pass_by(regions: Regions, pairs: Numbers, legs: Legs | None) -> Flags:
     return np.array([(both[0] and {*pair} == feet) or (both[1] and {*pair} == shins) for pair in pairs.tolist()], bool)
 
 
-def _apart(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
-    """(rows,), how far the joints u and v are apart in one frame each [file units]."""
+def _distances(motion: Motion, frame: Numbers, u: Numbers, v: Numbers) -> Array:
+    """(rows,), the distance of joints u and v in one frame each [file units]."""
     return np.asarray(lengths(motion.positions[frame, u] - motion.positions[frame, v]))

@@ -24,8 +24,8 @@ from distretarget.motion import Motion, check_reach, same_time
 from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap
 
-SAME_TIME = 1e-3  # relative difference of frame times from which motions are resampled ...
-LATE = 0.25  # ... or frames by which one lags behind the other in the end
+SAME_TIME = 1e-3  # relative difference of frame times above which motions are resampled ...
+LATE = 0.25  # ... or lag of one behind the other at the end above which they are [frames]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -33,13 +33,13 @@ class Diff:
     """Motion B measured against motion A.
 
     Attributes:
-        a, b: the motions, A in B's world, both with B's frame time and as many frames as the shorter has.
+        a, b: the motions, A in B's world, both with B's frame time and the number of frames of the shorter.
         matching: which joint of A corresponds to each joint of B.
         world: the axes that point up, and the root's OFFSET.
         stress: (frames,), Eq. (2) of B against A's distances, over the squared height of B.
-        comparison: what else was measured in each frame.
+        comparison: all other measurements of the frames.
         notes: what was done before comparing: resampled, cut, turned.
-        run_tracks: the pops and frames not converged of B, if B was made here.
+        run_tracks: the tracks that only a run has, such as pops, if B was made here.
     """
 
     a: Motion
@@ -61,7 +61,7 @@ class Diff:
 
     @property
     def tracks(self) -> Tracks:
-        """What the metrics of B are taken from."""
+        """The tracks of the metrics of B."""
         return {**self.comparison.tracks, "stress": Track(self.stress), **self.run_tracks}
 
     @cached_property
@@ -105,13 +105,13 @@ def diff(
     apart = abs(a.frame_time - b.frame_time) / b.frame_time
     if apart > SAME_TIME or apart * min(len(a), len(b)) > LATE:
         notes.append(f"A was resampled from {1 / a.frame_time:.6g} to {1 / b.frame_time:.6g} frames/s")
-        own, a = a.resampled_frames(b.frame_time_text), a.resampled(b.frame_time_text, len(b))
+        count, a = a.resampled_frames(b.frame_time_text), a.resampled(b.frame_time_text, len(b))
     else:
-        own = len(a)
-    if own != len(b):
-        frames = min(own, len(b))
+        count = len(a)
+    if count != len(b):
+        frames = min(count, len(b))
         compared = "the first was" if frames == 1 else f"the first {frames} were"
-        notes.append(f"A has {counted(own, 'frame')} and B has {len(b)}; {compared} compared")
+        notes.append(f"A has {counted(count, 'frame')} and B has {len(b)}; {compared} compared")
         a, b = a[:frames], b[:frames]
     problem = distance_problem(source.skeleton, target.skeleton, matching.drivers)
     stress = (problem.body_size / target.height) ** 2 * posture_stress(problem, a.positions, b.positions)
@@ -121,7 +121,7 @@ def diff(
 
 
 def turned_note(world: World) -> tuple[str, ...]:
-    """Notes on how A was turned into the axes of B."""
+    """Return notes on how A was turned into the axes of B."""
     turned = world.source_up != world.up, f"A was turned: {world.source_up} is up in A, {world.up} in B"
     half = world.half_turn, "A was turned round: in one of the files bodies look to -Z, as in VRM 0"
     return tuple(note for is_so, note in (turned, half) if is_so)
@@ -203,7 +203,7 @@ def diff_scenes(
 
 
 def prop_in_world(prop: Motion, world: World, frames: int, frame_time_text: str) -> Motion:
-    """Return a prop of the source in the target's axes, resampled to `frames` frames; it stands still after its own."""
+    """Return a prop of the source in the target's axes, with `frames` frames; after its own the last is repeated."""
     prop = world.turned(prop)
     if len(prop) > 1:
         prop = prop.resampled(frame_time_text, frames)

@@ -121,17 +121,16 @@ class SkinContact(NamedTuple):
     """A hand or forearm of one performer that touches the other in the source."""
 
     frame: int  # of the clip
-    # the difference of the gap in the result to the source's, 0 or more there, in proportion to heights [% of height]
-    error: float
+    error: float  # of the gap in the result; if the source's is below 0, all from it to 0 are right [% of height]
     parts: tuple[str, str]  # the parts of the first and the second performer that touch
 
 
 class SkinContacts(NamedTuple):
-    """How well two performers keep touching."""
+    """The contacts between the skins of two performers, and their errors."""
 
     touches: tuple[SkinContact, ...]  # one or more
     frames: int  # the number of frames in which they touch
-    error: float  # the mean of the touches' [% of height]
+    error: float  # the mean error of the touches [% of height]
     worst: SkinContact  # the touch with the largest error
 
     @property
@@ -144,9 +143,9 @@ class SkinContacts(NamedTuple):
 
 
 class Overlap(NamedTuple):
-    """Where two performers are deepest in each other."""
+    """Where two performers overlap most."""
 
-    depth: float  # how deep a point of one is beneath the surface of the other [% of height]
+    depth: float  # of a point of one below the surface of the other [% of height]
     frame: int  # of the clip
     parts: tuple[str, str]  # of the first and the second performer
 
@@ -158,7 +157,7 @@ class Overlap(NamedTuple):
 
 
 def measure_overlap(motions: Sequence[Motion], skins: Sequence[Skin]) -> Overlap:
-    """Measure how deep hands, forearms, upper arms, legs and heads of two performers are in each other."""
+    """Measure the largest depth of hands, forearms, upper arms, legs and heads of two performers in each other."""
     deepest = Overlap(0.0, 0, ("", ""))
     for one, other in ((0, 1), (1, 0)):
         for block in blocks_of(len(motions[0])):
@@ -177,7 +176,7 @@ def measure_skin_contacts(
     touches: list[SkinContact] = []
     for one, other in ((0, 1), (1, 0)):
         for block in blocks_of(len(sources[0])):
-            gaps = _gaps(sources, source_skins, one, other, block, 2.0 * TOUCHING)  # gaps end there, but for rounding
+            gaps = _gaps(sources, source_skins, one, other, block, 2.0 * TOUCHING)  # larger ones are given as this
             touching = gaps < TOUCHING
             if not touching.any():
                 continue
@@ -185,8 +184,8 @@ def measure_skin_contacts(
             for frame, limb in zip(*np.nonzero(touching.any(axis=2)), strict=True):
                 part = int(gaps[frame, limb].argmin())
                 gap = gaps[frame, limb, part]
-                now = after[frame, limb][PLACE_OF[part] == PLACE_OF].min()
-                error = float(max(now - max(gap, 0.0), gap - now, 0.0))
+                result = after[frame, limb][PLACE_OF[part] == PLACE_OF].min()
+                error = float(max(result - max(gap, 0.0), gap - result, 0.0))
                 names = str(LIMBS[limb]), str(SEGMENTS[part])
                 touches.append(SkinContact(block.start + int(frame), error, names if one == 0 else names[::-1]))
     if not touches:
@@ -203,22 +202,20 @@ def _gaps(
     other: int,
     frames: slice,
     farthest: float,
-    parts: int = len(LIMBS),
+    count: int = len(LIMBS),
 ) -> Array:
-    """(frames, parts, segments), the gaps between the first so many parts of one performer, hands and forearms, and all
-    of the other, up to the `farthest` [% of the mean height]; infinite where there is none.
+    """(frames, count, segments), the gaps between the first `count` of `PARTS` of one performer and the segments of the
+    other, at most `farthest` [% of the mean height]; infinite for segments that the other does not have.
     """
-    solids, height = (
-        skins[other].solids.of_second_body(len(motions[one].skeleton)),
-        (skins[0].height + skins[1].height) / 2.0,
-    )
-    there = np.isin(np.arange(len(SEGMENTS)), solids.groups[:-1, 1])
+    solids = skins[other].solids.of_second_body(len(motions[one].skeleton))
+    height = (skins[0].height + skins[1].height) / 2.0
+    exists = np.isin(np.arange(len(SEGMENTS)), solids.groups[:-1, 1])
     reach = np.full((1, len(PARTS), len(SEGMENTS)), -np.inf)
-    reach[:, :parts, there] = farthest / 100.0 * height
+    reach[:, :count, exists] = farthest / 100.0 * height
     both = motions[one], motions[other]
     posed = (
         np.concatenate([each.positions[frames] for each in both], axis=1),
         np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
     )
-    depths = find_depths(skins[one].patches, solids, posed, reach)[0][:, :parts]
-    return np.where(there, -100.0 / height * depths, np.inf)
+    depths = find_depths(skins[one].patches, solids, posed, reach)[0][:, :count]
+    return np.where(exists, -100.0 / height * depths, np.inf)

@@ -36,10 +36,10 @@ SYMBOLS = {  # short forms of units
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """What was measured over the frames of a clip."""
+    """The measurements of the frames of a clip."""
 
-    values: Array  # (frames,) or (frames, parts); fewer rows where a value takes several frames, as a speed does
-    counts: Numbers | Flags | None = None  # the measurements in each value; None for one in each
+    values: Array  # (frames,) or (frames, parts); fewer rows if a value takes several frames, as a speed does
+    counts: Numbers | Flags | None = None  # the number of measurements in each value; None for one in each
     parts: tuple[str, ...] = ()  # the names of the columns, such as joints
 
     @property
@@ -48,9 +48,9 @@ class Track:
         return np.ones(self.values.shape, np.intp) if self.counts is None else self.counts.astype(np.intp)
 
 
-def middles(counts: Numbers) -> Numbers:
-    """Return the measurements, (frames, parts), in the middle third of each run of frames that have some, at least in
-    one frame; the others are 0.
+def middle_thirds(counts: Numbers) -> Numbers:
+    """Return the counts, (frames, parts), in the middle third of each run of frames with counts above 0, at least one
+    frame; the others are 0.
     """
     within = np.zeros(counts.shape, np.intp)
     for part, column in enumerate(counts.T):
@@ -60,7 +60,7 @@ def middles(counts: Numbers) -> Numbers:
     return within
 
 
-Tracks = Mapping[str, Track]  # by the key of what was measured
+Tracks = Mapping[str, Track]  # by key
 NOT_RUN: Tracks = {
     key: Track(np.zeros(0)) for key in ("turned", "needless", "shaking", "pop", "not_converged")
 }  # of a motion that was not solved here
@@ -100,20 +100,20 @@ class Metric:
         unit: of the number in files and limits; empty for a plain number.
         meaning: what it measures.
         missing: why a clip may have no value; empty if every clip has one.
-        track: the key of the track if another metric has the same.
-        touches: whether a measurement counts only in the middle third of each touch, a run of frames that have one; in
-            the others it says how early or late a touch begins and ends, not how well it is kept.
+        track: the key of its track, if that is another metric's.
+        touches: whether measurements count only in the middle third of each touch, a run of measured frames; in the
+            others they show how early or late a touch begins and ends, not how well it is kept.
         reduction: how the track's values become the metric: the mean, the mean of the part whose mean is the largest,
             the largest (at least 0), the 99th percentile, or the number of frames in which any value is above 0.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
         still: for a ratio, source values up to this are rounding errors; `--fail-over` divides by at least this.
         limit: the value above which a run has a warning; None for no limit.
-        rivals_copy: whether a run warns if it is worse than the rotation copy by more than `least`; false where the
-            rotation copy is best by definition.
-        instead: the key of the metric that judges instead of this one, where that is known.
+        rivals_copy: whether a run has a remark if it is worse than the rotation copy by more than `least`; false where
+            the rotation copy is best by definition.
+        instead: the key of the metric that is judged instead of this one, if it has a value.
         factor: pages and the line of a run show the number times this.
         decimals: of the number in the line of a run.
-        least: values up to this are too small to look at.
+        least: values up to this do not matter.
         places: where the metric is shown besides the lists of all metrics: in the line of a run; in a report as a card,
             a curve, or with pictures of its worst frames; as a column of the page over clips; in the list of the
             worst frames that a diff prints.
@@ -144,16 +144,16 @@ class Metric:
 
     @property
     def of_source(self) -> bool:
-        """Whether the source has a value of its own."""
+        """Whether the source has a value, too."""
         return self.judged != "value"
 
     @property
     def of_frames(self) -> bool:
-        """Whether it has a value in each frame, from a track of its own."""
+        """Whether frames have values of it: it has a track of its own."""
         return not self.track
 
     def of_clip(self, tracks: Tracks) -> float | None:
-        """The metric of the whole clip; None where nothing was to be measured."""
+        """The metric of the whole clip; None if nothing was measured."""
         track = self._judged_track(tracks)
         values = track.values if track.counts is None else track.values[track.counts > 0]
         if not values.size:
@@ -171,7 +171,7 @@ class Metric:
         return float(values.sum() / (values.size if track.counts is None else track.counts.sum()))
 
     def over_time(self, tracks: Tracks, frames: int) -> Array:
-        """(frames,), the metric of each frame; nan where nothing was to be measured, as in rows that are missing."""
+        """(frames,), the metric of each frame; nan where nothing was measured, as in rows that a track lacks."""
         track = self._judged_track(tracks)
         values, weights = (a if a.ndim == 2 else a[:, None] for a in (track.values, track.weights))
         values = np.where(weights > 0, values, 0.0)
@@ -192,9 +192,9 @@ class Metric:
         return int(frame), track.parts[part[0]] if part and track.parts else ""
 
     def _judged_track(self, tracks: Tracks) -> Track:
-        """The track without measurements that do not count."""
+        """The track, with `touches` only the middle thirds of touches."""
         track = tracks[self.track or self.key]
-        return replace(track, counts=middles(track.weights)) if self.touches else track
+        return replace(track, counts=middle_thirds(track.weights)) if self.touches else track
 
     def judgement(self, value: float | None, source: float | None) -> float | None:
         """The number that `--fail-over` limits, from the values of result and source; None if it is not known."""
@@ -215,29 +215,29 @@ class Metric:
         return f"{result} / {source}" if self.judged == "ratio" else ""
 
     def over_limit(self, metrics: Metrics) -> bool:
-        """Whether the result's value is above the limit; false where either is missing, or another metric judges."""
+        """Whether the result's value is above the limit; false if either is missing, or `instead` is judged."""
         value, limit = self._judged(metrics), self.limit.value(self.key, metrics) if self.limit else None
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, metrics: Metrics) -> bool:
-        """Whether the result is clearly worse than the rotation copy though it should not be; false if unknown, or if
-        another metric judges.
+        """Whether the result is worse than the rotation copy by more than `least`, if that matters (`rivals_copy`);
+        false if either is missing, or `instead` is judged.
         """
         value, copy = self._judged(metrics), metrics.get("rotation_copy", {}).get(self.key)
         return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
 
     def _judged(self, metrics: Metrics) -> float | None:
-        """The result's value; None where it is missing, or another metric judges."""
+        """The result's value; None if it is missing, or `instead` is judged."""
         of_result = metrics["result"]
         return of_result.get(self.key) if of_result.get(self.instead) is None else None
 
     def brief(self, value: float | None) -> str:
-        """The number as the line of a run has it."""
+        """The number as the line of a run shows it."""
         return "-" if value is None else f"{self.factor * value:.{self.decimals}f}"
 
 
 def _metric(key: str, entry: dict[str, Any]) -> Metric:
-    """The metric in an entry of the registry."""
+    """The metric of an entry of the registry."""
     limit = Limit(**entry.pop("limit")) if "limit" in entry else None
     return Metric(key=key, limit=limit, places=tuple(entry.pop("places", ())), **entry)
 
@@ -273,7 +273,7 @@ def metrics_at(place: str) -> tuple[Metric, ...]:
 
 
 def clip_metrics(tracks: Tracks) -> dict[str, float | None]:
-    """The metrics of a whole clip for which there are tracks, by key; None where nothing was to be measured."""
+    """The metrics of a whole clip for which there are tracks, by key; None where nothing was measured."""
     return {metric.key: metric.of_clip(tracks) for metric in METRICS if (metric.track or metric.key) in tracks}
 
 
@@ -283,7 +283,7 @@ def clip_limits(metrics: Metrics) -> dict[str, float | None]:
 
 
 def frame_metrics(sides: Mapping[Variant, Tracks], frames: int) -> dict[str, Array]:
-    """(frames,) for each metric of each side, by key and suffix; nan where nothing was to be measured."""
+    """(frames,) for each metric of each side, by key and suffix; nan where nothing was measured."""
     return {
         metric.key + SUFFIXES[side]: metric.over_time(tracks, frames)
         for metric in METRICS

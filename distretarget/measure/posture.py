@@ -1,8 +1,8 @@
-"""How head, palms and feet are held and how far the legs are spread, in a result against its source.
+"""Directions of trunk, head, palms, soles and legs in a result against its source.
 
-Nothing here takes the alignment of the two bodies, by which results are made. The axes of head and soles come from
+Nothing here uses the alignment of the two bodies, by which results are made. The axes of head and soles come from
 gravity in a rest pose in which a person can stand; else, over the frames of the body's own motion, those of the head
-from the neck and where the body faces, and those of soles from gravity. All else comes from the positions of joints.
+from the neck and where the body faces, and those of soles from gravity. All others come from positions of joints.
 """
 
 from __future__ import annotations
@@ -25,23 +25,23 @@ from distretarget.motion import Motion
 from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Flags, angles_between, cross, level, normalised
 
-MEANT = 20  # axes are taken from the mean of no fewer frames
-ON_AXIS = np.cos(np.radians(15))  # a joint with a bone this near to one of its axes is built along it [cosine]
-NEAR = np.cos(np.radians(35))  # what a motion shows on average means an axis of a joint that is this near [cosine]
+LEAST_FRAMES = 20  # over which axes may be averaged
+ON_AXIS = np.cos(np.radians(15))  # a bone this near to an axis of its joint was built along it [cosine]
+NEAR = np.cos(np.radians(35))  # a mean direction over a motion stands for an axis of a joint this near to it [cosine]
 FLAT = np.sin(np.radians([5, 40]))  # a flat foot points downwards by an angle between these [sine]
 STEEPEST = np.sin(np.radians(60))  # a foot that points farther up or down than this in the rest pose is not flat [sine]
-HELD = ("trunk_tilt", "head_tilt", "palm_turn", "sole_tilt", "heading", "splay")  # the keys of the metrics
+KEYS = ("trunk_tilt", "head_tilt", "palm_turn", "sole_tilt", "heading", "splay")  # of the metrics
 OUTER_FINGERS = ("Little", "Ring", "Middle")  # across the palm from the index finger; the first that both bodies have
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """A direction of a part of the body, which result and source should have in common."""
+class KeptDirection:
+    """A direction of a part of the body that should be the same in source and result."""
 
     joint: int  # of the target; it names the part
     source: Array  # (frames, n), unit vectors in the source
-    of_motion: Callable[[Motion], Array]  # these of a motion of the target
-    measured: Flags | None = None  # (frames,); None for all
+    of_motion: Callable[[Motion], Array]  # the unit vectors in a motion of the target
+    measured: Flags | None = None  # (frames,), where it counts; None for all
 
     def error(self, result: Motion) -> Array:
         """(frames,), the angle between result and source [degrees]; nan where it is not measured."""
@@ -52,24 +52,24 @@ class Held:
 Axes = tuple[Array, Array]
 """Up and forward, (3,) each, in the axes of a joint; zero where unknown."""
 UNKNOWN: Axes = (np.zeros(3), np.zeros(3))
-Posture = Mapping[str, Sequence[Held]]  # by the key of the metric
+Posture = Mapping[str, Sequence[KeptDirection]]  # by key of the metric
 
 
 def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -> Posture:
-    """Find what is held in a source: what is up for the trunk ("trunk_tilt"), the head's axis up ("head_tilt"), the
-    normals of palms ("palm_turn") and of soles that rest ("sole_tilt"), where head and resting feet point along the
-    floor ("heading"), and how far resting legs point outwards ("splay").
+    """Find the directions that should be kept: the trunk's axis up ("trunk_tilt"), the head's ("head_tilt"), the
+    normals of palms ("palm_turn") and of resting soles ("sole_tilt"), where head and resting feet point along the floor
+    ("heading"), and the angles by which resting legs point outwards ("splay").
 
     `up`, (3,), is the unit vector up; `stance`, (frames, foot joints), whether ankle and toe of each leg rest.
     """
-    held = {key: list[Held]() for key in HELD}
+    posture = {key: list[KeptDirection]() for key in KEYS}
 
     def add(key: str, joint: int, sides: Iterable[Callable[[Motion], Array]], measured: Flags | None = None) -> None:
         of_source, of_target = sides
-        held[key].append(Held(joint, of_source(source), of_target, measured))
+        posture[key].append(KeptDirection(joint, of_source(source), of_target, measured))
 
     def add_axes(tilt: str, joints: Sequence[int], axes: Sequence[Axes], measured: Flags | None = None) -> None:
-        """The axes up and forward of the same joint of both bodies."""
+        """Add the axes up and forward of a joint of source and target."""
         for key, of_joint, along in ((tilt, [up for up, _ in axes], None), ("heading", [axis for _, axis in axes], up)):
             if all(axis.any() for axis in of_joint):
                 sides = (partial(_turned, joint, axis, along) for joint, axis in zip(joints, of_joint, strict=True))
@@ -89,20 +89,20 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
         both = zip(legs, (side[1 - k] for side in matching.legs or ()), strict=True)
         add("splay", legs[1].ankle, (partial(_outwards, *pair) for pair in both), ankle_rests)
         axes = [*map(_foot_axes, bodies, legs, matching.leg_lengths)]
-        if not all(body.up_at_rest for body in bodies):  # feet turned out while the body moves hide how they are built
+        if not all(body.up_at_rest for body in bodies):  # over a motion, turned-out feet would be taken for the build
             axes = [(up, _along_foot(body, leg, up)) for body, leg, (up, _) in zip(bodies, legs, axes, strict=True)]
         if matching.source_normals is not None and axes[0][0].any():
             axes[0] = matching.source_normals[k], axes[0][1]
         if matching.target_normals is not None and legs[1].toe != legs[1].ankle:
             axes[1] = matching.target_normals[k], axes[1][1]
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
-    return held
+    return posture
 
 
-def errors_of(held: Sequence[Held], result: Motion) -> Track:
-    """The errors of what is held, (frames, held) [degrees]."""
-    errors = np.reshape([each.error(result) for each in held], (len(held), len(result))).T
-    return Track(errors, np.isfinite(errors), result.skeleton.keys_of(each.joint for each in held))
+def errors_of(directions: Sequence[KeptDirection], result: Motion) -> Track:
+    """The errors of directions in a result, (frames, directions) [degrees]."""
+    errors = np.reshape([each.error(result) for each in directions], (len(directions), len(result))).T
+    return Track(errors, np.isfinite(errors), result.skeleton.keys_of(each.joint for each in directions))
 
 
 def _trunk_ends(body: Body) -> list[int]:
@@ -112,7 +112,7 @@ def _trunk_ends(body: Body) -> list[int]:
 
 
 def _trunk(body: Body, ends: Sequence[int], motion: Motion) -> Array:
-    """(frames, 3), what is up in the reference pose, carried along by the trunk between hips and shoulders."""
+    """(frames, 3), the axis of the trunk, between hips and shoulders, that points up in the reference pose."""
     upright = _trunk_axes(body.reference.positions[None], ends)[0].T @ body.reference.axes[:, 1]
     return np.asarray(_trunk_axes(motion.positions, ends) @ upright)
 
@@ -127,13 +127,13 @@ def _trunk_axes(positions: Array, ends: Sequence[int]) -> Array:
 
 
 def _head_axes(body: Body, head: int) -> Axes:
-    """The axes up and forward of a head: in the rest pose if it stands, else as the neck points and the body faces on
-    average. In a rig that is built along the neck, they are axes of its joints, up that of the neck: these are taken if
-    they are near, so that a head that is bent or turned in the whole motion does not change them, else none.
+    """The axes up and forward of a head: those of the rest pose if it stands; else the mean direction of the neck and
+    the mean heading of the body. If the rig is built along the neck, axes of the head's joint near to these are taken,
+    or none, so that a head that is bent or turned in the whole motion does not change the result.
     """
     if body.up_at_rest:
         return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
-    if body.motion is None or body.moving is None or len(body.motion) < MEANT:
+    if body.motion is None or body.moving is None or len(body.motion) < LEAST_FRAMES:
         return UNKNOWN
     neck = body.skeleton.parents[head]
     turns = Rotation.from_quat(body.motion.world_rotations_of(head)).inv()
@@ -146,8 +146,9 @@ def _head_axes(body: Body, head: int) -> Axes:
 
 
 def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it can be, else on average. On a
-    rig that is built along the foot, up is across a near axis of the ankle: a foot on its edge does not change it.
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it is flat there, else the mean
+    over the motion. If the rig is built along the foot, up is made perpendicular to the ankle's axis across the foot,
+    so that a foot on its edge does not change it.
     """
     if leg.toe == leg.ankle:
         return UNKNOWN
@@ -167,25 +168,22 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
 
 
 def _axis_near(direction: Array, least: float) -> Array:
-    """The axis of a joint, (3,), whose cosine with a direction in its axes is larger than `least`; zero if none is."""
+    """The axis of a joint, (3,), whose cosine to a direction in its axes is above `least`; zero if there is none."""
     axis, cosine = nearest_axis(normalised(direction))
     return axis_vector(axis) * (cosine > least)
 
 
 def _along_foot(body: Body, leg: Leg, up: Array) -> Array:
-    """(3,), where a foot points along the floor, in the axes of its ankle, in which `up` is straight up; zero if that
-    is unknown.
-    """
+    """(3,), the direction of a foot along the floor in the axes of its ankle, where `up` is up; zero if unknown."""
     pose = body.reference
-    bone = (
-        Rotation.from_quat(pose.rotations[leg.ankle]).inv().apply(pose.positions[leg.toe] - pose.positions[leg.ankle])
-    )
+    bone = pose.positions[leg.toe] - pose.positions[leg.ankle]
+    bone = Rotation.from_quat(pose.rotations[leg.ankle]).inv().apply(bone)
     return normalised(level(bone, up)) if up.any() else np.zeros(3)
 
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
-    """Gravity, and where the body faces along the floor, in the axes of a joint, on average over frames; or unknown."""
-    if body.motion is None or body.moving is None or np.count_nonzero(frames) < MEANT:
+    """The mean directions up, and in which the body faces, in the axes of a joint over some frames; or `UNKNOWN`."""
+    if body.motion is None or body.moving is None or np.count_nonzero(frames) < LEAST_FRAMES:
         return UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
     up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)
@@ -193,7 +191,7 @@ def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
 
 
 def _hands(matching: Matching) -> Iterator[list[list[int]]]:
-    """For each hand whose palm both bodies show: wrist, knuckle of the index finger and of an outer one, of each."""
+    """For each hand of which both bodies have them: wrist, index knuckle and an outer knuckle, of source and target."""
     roles = [body.roles for body in (matching.source, matching.target)]
     for side in SIDES:
         for finger in OUTER_FINGERS:
@@ -203,10 +201,10 @@ def _hands(matching: Matching) -> Iterator[list[list[int]]]:
                 break
 
 
-def _turned(joint: int, axis: Array, along: Array | None, motion: Motion) -> Array:
-    """(frames, 3), an axis of a joint, (3,), in the world; its level part if the vector up, `along`, (3,), is given."""
+def _turned(joint: int, axis: Array, up: Array | None, motion: Motion) -> Array:
+    """(frames, 3), an axis of a joint, (3,), in the world; only its horizontal part if `up`, (3,), is given."""
     axes = turned_by(motion.world_rotations_of(joint), axis)
-    return axes if along is None else level(axes, along)
+    return axes if up is None else level(axes, up)
 
 
 def _palm(joints: Sequence[int], motion: Motion) -> Array:

@@ -1,5 +1,5 @@
-"""The skin of a body as it is measured: points on its parts, in patches within balls, so that what is apart need not be
-looked at; and the solids that they may sink into.
+"""The skin of a body for measurements: points on its parts, in patches with bounding balls, which leave out most pairs
+that are far apart; and the solids that the points may sink into.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from distretarget.skin.mesh import SkinnedMesh
 # points of each part at most
 MOST = {"hand": 256, "forearm": 128, "upper arm": 48, "thigh": 48, "shin": 32, "foot": 32, "head": 64}
 PATCH = 8  # most points of a patch
-BLENDED = 1.2  # room for points that other joints move as well [radii of a patch]
+BLENDED = 1.2  # room in a bounding ball for points that other joints move as well [radii of a patch]
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
 
 
@@ -34,27 +34,27 @@ GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a 
 class SkinPoints:
     """Points of the skin, bound to joints as a mesh is."""
 
-    parts: Numbers  # (points,), the part of the body of each, a number of `PARTS`
-    joints: Numbers  # (points, influences), the joints that move each, the strongest first
+    parts: Numbers  # (points,), an index into `PARTS`
+    joints: Numbers  # (points, influences), the joints that move a point, the strongest first
     weights: Array  # (points, influences), their shares, which sum to 1
     offsets: Array  # (points, influences, 3), from each of these joints to the point in the rest pose [file units]
-    edges: Numbers  # (edges, 2), those of the mesh between two points
+    edges: Numbers  # (edges, 2), edges of the mesh between two points
 
     def __len__(self) -> int:
         return len(self.parts)
 
     def __getitem__(self, chosen: Flags | Numbers) -> SkinPoints:
-        """Return some of the points, with the edges between two of these."""
+        """Return some of the points, with the edges between them."""
         numbers = np.full(len(self), -1)
         numbers[chosen] = np.arange(len(self.parts[chosen]))
         edges = numbers[self.edges]
-        kept = edges[(edges >= 0).all(axis=1)]
-        return SkinPoints(self.parts[chosen], self.joints[chosen], self.weights[chosen], self.offsets[chosen], kept)
+        edges = edges[(edges >= 0).all(axis=1)]
+        return SkinPoints(self.parts[chosen], self.joints[chosen], self.weights[chosen], self.offsets[chosen], edges)
 
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
-    """Return the vertices of a mesh on `PARTS`, of those at one place the first; `segments`, (joints,), are those that
-    joints carry, or -1.
+    """Return the vertices of a mesh on `PARTS`, the first of those at one place; `segments`, (joints,), has the segment
+    that each joint carries, or -1.
     """
     joints, weights = strongest(mesh)
     triangles, of_vertex = welded(mesh), segments[joints[:, 0]]
@@ -102,7 +102,7 @@ def _spiral(ends: Array, radii: Array, count: int) -> Array:
 
 
 def patches_of(points: SkinPoints, rest: Array) -> Patches:
-    """Return points in patches; `rest`, (joints, 3), are the places of the joints in the rest pose."""
+    """Return points in patches; `rest`, (joints, 3), are the positions of the joints in the rest pose."""
     joints, offsets = points.joints[:, 0], points.offsets[:, 0]
     places = rest[joints] + offsets
     parts, patches, balls = [0], [], []
@@ -142,32 +142,32 @@ def one_by_one(points: SkinPoints) -> Patches:
     bound = np.concatenate([points.offsets, points.weights[..., None]], axis=2)
     balls = np.column_stack([points.offsets[:, 0], np.zeros(len(points))])
     patches = np.column_stack([np.append(points.joints[:, 0], -1), rows])
-    alone = np.zeros(len(rows), np.intp), np.zeros(0, np.intp)
-    return Patches(rows, patches, balls, points.joints, bound, np.ones(len(points)), *alone)
+    no_neighbours = np.zeros(len(rows), np.intp), np.zeros(0, np.intp)
+    return Patches(rows, patches, balls, points.joints, bound, np.ones(len(points)), *no_neighbours)
 
 
 def _neighbours(points: SkinPoints) -> tuple[Numbers, Numbers]:
-    """The points at the other ends of the edges of each point: the first of each, (points + 1,), and all."""
-    on = points.edges[(points.parts[points.edges] == points.parts[points.edges[:, :1]]).all(axis=1)]
-    there = np.concatenate([on, on[:, ::-1]])
-    there = there[np.argsort(there[:, 0], kind="stable")]
-    return np.searchsorted(there[:, 0], np.arange(len(points) + 1)), np.ascontiguousarray(there[:, 1])
+    """The neighbours of points along edges within a part: where those of each begin, (points + 1,), and all of them."""
+    edges = points.edges[(points.parts[points.edges] == points.parts[points.edges[:, :1]]).all(axis=1)]
+    both_ways = np.concatenate([edges, edges[:, ::-1]])
+    both_ways = both_ways[np.argsort(both_ways[:, 0], kind="stable")]
+    return np.searchsorted(both_ways[:, 0], np.arange(len(points) + 1)), np.ascontiguousarray(both_ways[:, 1])
 
 
 OWN_ARM = ("hand", "forearm", "upper arm")
 LEG = ("thigh", "shin", "foot")
 TRUNK = ("chest", "belly", "pelvis")
-# What is nearer to the top of a part than this is skin that folds as it bends [lengths of its bone].
+# Skin folds as a limb bends up to this distance from its top [lengths of the bone].
 FOLDS = {"upper arm": ("UpperArm", "LowerArm", 0.45), "thigh": ("UpperLeg", "LowerLeg", 0.35)}
 
 
 def are_parts(side: str, parts: tuple[str, ...]) -> list[bool]:
-    """(segments,), whether each segment is one of these parts; those with sides, on this side."""
+    """(segments,), whether each segment is one of `parts`; paired ones only on this side."""
     return [segment in {*parts, *(f"{side} {part}" for part in parts)} for segment in SEGMENTS]
 
 
 def _can_touch(part: str) -> list[bool]:
-    """(segments,), what a part of the body can touch, or sink into, that is no neighbour of it."""
+    """(segments,), whether a part of the body can touch or sink into each segment; never into its neighbours."""
     side = part.split()[0]
     if part.endswith(OWN_ARM[:2]):
         return [not own for own in are_parts(side, OWN_ARM)]
@@ -189,8 +189,8 @@ class Skin:
     patches: Patches  # the points, in the order of parts
     solids: Solids  # the inside of its capsules or of its mesh
     height: float  # of the body [file units]
-    can_touch: Flags  # (parts, segments), whether the body has both, and they are no neighbours
-    frames: PartFrames  # in which the places of touches are
+    can_touch: Flags  # (parts, segments), `TOUCHABLE`, if the body has both
+    frames: PartFrames  # for the coordinates of touches
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
@@ -208,13 +208,13 @@ def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...]) -
 
 
 def _skin(points: SkinPoints, solids: Solids, body: Body) -> Skin:
-    """The skin of these points but those that are inside in the bind pose, and those where skin folds."""
+    """The skin of these points, without those that are inside in the bind pose or where skin folds."""
     rest, unturned = body.skeleton.rest_positions, body.skeleton.unturned
     reach = np.where(TOUCHABLE[points.parts], 0.0, -np.inf)
     depths = find_depths(one_by_one(points), solids, (rest[None], unturned[None]), reach[None])[0][0]
     points = points[(depths.max(axis=1, initial=0.0) <= 0.0) & ~_folds(points, body)]
-    there = np.isin(np.arange(len(SEGMENTS)), np.append(solids.groups[:-1, 1], solids.segments))
-    can_touch = TOUCHABLE & there & np.isin(np.arange(len(PARTS)), points.parts)[:, None]
+    exists = np.isin(np.arange(len(SEGMENTS)), np.append(solids.groups[:-1, 1], solids.segments))
+    can_touch = TOUCHABLE & exists & np.isin(np.arange(len(PARTS)), points.parts)[:, None]
     return Skin(patches_of(points, rest), solids, body.height, can_touch, find_part_frames(body))
 
 

@@ -1,4 +1,4 @@
-"""How deep the skin of the parts of a body is inside its other parts, or how far off these."""
+"""Depths of the skin of parts of a body in its other parts, or distances from these. Compiled."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import B3, F1, F2, F3, F4, I1, I2, I3, Array, Flags, Numbers
 from distretarget.skin.capsules import SEGMENTS
 
-# (segments,), the place of each: the head, the trunk with the thighs, where bodies differ, the legs, and both arms
+# (segments,), the place of each: head; trunk with thighs, whose border differs between bodies; legs; either arm
 PLACE_OF = np.array(
     [
         ("head" in name or "neck" in name)
@@ -32,37 +32,37 @@ PLACE_OF = np.array(
 )
 
 
-PARTS = SEGMENTS[: SEGMENTS.index("head") + 1]  # whose skin may be inside others: arms, legs and head
+PARTS = SEGMENTS[: SEGMENTS.index("head") + 1]  # whose depths are measured: arms, legs and head
 LIMBS = PARTS[:4]  # hands and forearms
 
 
 class Patches(NamedTuple):
-    """Points of one part that one joint moves most, in patches of a few neighbours; behind them the other vertices of
-    the mesh, which are looked at around the deepest of these points.
+    """Sample points of the skin, in patches of a few neighbours of one part that one joint moves most. Behind the
+    samples are the other vertices of the mesh, among which the search climbs from the deepest samples.
     """
 
-    parts: I1  # (parts + 1,), the first patch of each; the last is their end
-    patches: I2  # (patches + 1, 2), joint and first point of each; the last is their end
-    balls: F2  # (patches, 4), centre relative to the joint, and radius [file units]
-    joints: I2  # (points and others, influences), as in `SkinPoints`, but in this order
-    bound: F3  # (points and others, influences, 4), their offsets and weights
-    counts: F1  # (points,), the number of vertices that each stands for, those nearest to it
-    first: I1  # (points and others + 1,), the first neighbour of each; the last is their end
-    neighbours: I1  # those at the other ends of its edges
+    parts: I1  # (parts + 1,), the first patch of each part; last the end
+    patches: I2  # (patches + 1, 2), joint and first sample of each patch; last the end
+    balls: F2  # (patches, 4), bounding balls: centre relative to the joint, and radius [file units]
+    joints: I2  # (points, influences), as in `SkinPoints`, but in this order
+    bound: F3  # (points, influences, 4), offsets and weights of the points
+    counts: F1  # (samples,), the number of vertices nearest to each sample
+    first: I1  # (points + 1,), where the neighbours of each point begin; last the end
+    neighbours: I1  # the points at the other ends of its edges
 
 
 class Search(NamedTuple):
-    """What is known of the part that is looked at, and scratch."""
+    """The state of the search for the deepest points of a part."""
 
-    of_place: I1  # (segments,), the place of each: the deepest point in any of one place counts
-    least: F1  # (segments,), how deep points have to be, to be looked at
+    of_place: I1  # (segments,), the place of each segment: its deepest point in any segment of one place counts
+    threshold: F1  # (segments,), the depth above which points are still searched for
     near: I2  # (groups, 2), the groups that are near, and the vertices by which points are brought back to them
-    looked: F2  # (groups, 4), where each was last looked at, and how deep that may be
-    around: F1  # (4,), a ball around the part
-    balls: F2  # (patches, 4), around the patches
+    visited: F2  # (groups, 4), the last place whose depth in the group was measured, and a bound of its depth
+    around: F1  # (4,), a bounding ball of the part
+    balls: F2  # (patches, 4), bounding balls of the patches
     at: F1  # (4,), a point
-    # (parts, segments, 2), the point and the group that were deepest in the frame before, with which the search begins,
-    # as all that is farther off need not be looked at; -1 for none
+    # (parts, segments, 2), the point and the group that were deepest in the frame before, -1 for none. The search
+    # begins with them, so that the threshold is high from the start.
     last: I3
 
     @classmethod
@@ -80,25 +80,29 @@ def find_depths(
     posed: tuple[Array, Array],
     reach: Array,
     grazing: float = 0.0,
-    alone: Flags | None = None,
+    separate: Flags | None = None,
 ) -> tuple[Array, Array, Array]:
-    """Return how deep the deepest point of each part is inside each segment, (frames, parts, segments), negative where
-    it is that far off, and minus the reach where that is farther [file units]; where this point is in the bind pose of
-    the segment, (frames, parts, segments, 3), nan where none was found; and the number of vertices, (frames,), that the
-    points of hands and forearms stand for that are inside any segment, deeper than `grazing`.
+    """Return the depths of the deepest points of parts in segments, (frames, parts, segments), negative outside, and
+    minus the reach beyond that [file units]; these points in the bind pose of the segment, (frames, parts, segments,
+    3), nan if none was found; and the number of vertices of hands and forearms that are inside, (frames,).
 
-    Of the segments of one place, `PLACE_OF`, a part is looked for where it is nearest or inside; in segments that are
-    `alone`, (frames, parts, segments), wherever it is. `posed` are the positions and world rotations of the joints,
-    (frames, joints, 3 and 4); `reach`, (frames or 1, parts, segments), is how far from a segment to look [file units],
-    negative infinity for not at all.
+    Args:
+        patches: points of the parts.
+        solids: the segments.
+        posed: positions and world rotations of the joints, (frames, joints, 3 and 4).
+        reach: the largest distance from a segment to search, (frames or 1, parts, segments) [file units]; negative
+            infinity for no search.
+        grazing: vertices are inside if they are deeper than this [file units].
+        separate: segments to search by themselves, (frames, parts, segments). Of the others of one place, `PLACE_OF`,
+            only the nearest is searched, and those that the part is inside.
     """
     x, q = map(np.ascontiguousarray, posed)
     shape = len(x), len(patches.parts) - 1, len(SEGMENTS)
     depths = np.array(np.broadcast_to(-reach, shape), order="C")
     inside, places = np.zeros(len(depths)), np.full((*shape, 3), np.nan)
-    alone = np.zeros(shape, bool) if alone is None else alone
+    separate = np.zeros(shape, bool) if separate is None else separate
     room = Posed.of(x.shape[1], solids), Search.of(patches, solids, PLACE_OF)
-    _find(x, q, patches, solids, grazing, alone, *room, depths, places, inside)
+    _find(x, q, patches, solids, grazing, separate, *room, depths, places, inside)
     return np.where(depths == np.inf, -np.inf, depths), places, inside
 
 
@@ -109,7 +113,7 @@ def _find(
     skin: Patches,
     body: Solids,
     grazing: float,
-    alone: B3,
+    separate: B3,
     posed: Posed,
     search: Search,
     depths: Out[F3],
@@ -121,122 +125,122 @@ def _find(
         pose(posed, body, positions[frame], rotations[frame])
         for patch in range(len(search.balls)):
             set_ball(posed, skin.patches[patch, 0], skin.balls[patch], search.balls[patch])
-        for group in range(len(search.looked)):
-            search.looked[group, 3] = np.inf
+        for group in range(len(search.visited)):
+            search.visited[group, 3] = np.inf
         for part in range(len(skin.parts) - 1):
-            found, counted = (depths[frame, part], places[frame, part], alone[frame, part]), part < len(LIMBS)
-            _begin(part, counted, skin, body, posed, search, found)
-            near = _find_near(part, counted, skin, body, posed, search)
+            found, counted = (depths[frame, part], places[frame, part], separate[frame, part]), part < len(LIMBS)
+            _start_from_last(part, counted, skin, body, posed, search, found)
+            near = _near_part(part, counted, skin, body, posed, search)
             for patch in range(skin.parts[part], skin.parts[part + 1] if near else skin.parts[part]):
-                there, farthest = _find_there(search.balls[patch], near, counted, body, posed, search)
-                for point in range(skin.patches[patch, 1], skin.patches[patch + 1, 1] if there else 0):
-                    deep = _look(part, point, there, farthest, skin, body, posed, search, found)
+                close, farthest = _near_patch(search.balls[patch], near, counted, body, posed, search)
+                for point in range(skin.patches[patch, 1], skin.patches[patch + 1, 1] if close else 0):
+                    deep = _measure_point(part, point, close, farthest, skin, body, posed, search, found)
                     if counted and deep > grazing:
                         inside[frame] += skin.counts[point]
             _refine(part, skin, body, posed, search, found)
 
 
 @inlined()
-def _begin(part, counted, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
-    """Look at the points that were deepest in the frame before."""
-    depths, places, alone = found
+def _start_from_last(part, counted, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
+    """Measure the points that were deepest in the frame before."""
+    depths, places, separate = found
     for segment in range(len(depths)):
-        search.least[segment] = depths[segment]
+        search.threshold[segment] = depths[segment]
     for segment in range(len(depths)):
         point, group = search.last[part, segment, 0], search.last[part, segment, 1]
-        if point < 0 or (search.least[segment] >= 0.0 and counted):
+        if point < 0 or (search.threshold[segment] >= 0.0 and counted):
             continue
         _set_point(point, skin, posed, search.at)
-        if _meet(posed.balls[group], search.at, _reach(search.least[segment], counted)):
+        if _meet(posed.balls[group], search.at, _reach(search.threshold[segment], counted)):
             deep, on, i, j, k, _v, _left = depth_of(posed, body, group, -1, search.at[0], search.at[1], search.at[2])
-            if on == segment and deep > search.least[segment]:
-                # a point that is inside is counted when all are looked at
+            if on == segment and deep > search.threshold[segment]:
+                # 0 if inside, so that the patches are searched, too, and all points inside are counted
                 depths[segment] = min(deep, 0.0) if counted else deep
                 places[segment, 0], places[segment, 1], places[segment, 2] = i, j, k
-                _raise(search, alone, segment, depths[segment])
+                _raise(search, separate, segment, depths[segment])
 
 
 @inlined()
-def _find_near(part, counted, skin, body, posed, search):  # type: ignore[no-untyped-def]
-    """Write the groups that a part may be near, and return how many."""
+def _near_part(part, counted, skin, body, posed, search):  # type: ignore[no-untyped-def]
+    """Write the groups whose balls are within reach of a part, and return their number."""
     _enclose(search.around, search.balls, skin.parts[part], skin.parts[part + 1])
     near = 0
     for group in range(len(posed.balls)):
-        if _meet(posed.balls[group], search.around, _reach(search.least[body.groups[group, 1]], counted)):
+        if _meet(posed.balls[group], search.around, _reach(search.threshold[body.groups[group, 1]], counted)):
             search.near[near, 0] = group
             near += 1
     return near
 
 
 @inlined()
-def _find_there(ball, near, counted, body, posed, search):  # type: ignore[no-untyped-def]
-    """Bring the groups that a patch may be near to the front of the near ones, each with the vertex that is nearest;
-    return how many, and how far to look.
+def _near_patch(ball, near, counted, body, posed, search):  # type: ignore[no-untyped-def]
+    """Move the groups that may be within reach of a patch to the front of the near ones, each with its nearest vertex;
+    return their number, and the largest reach.
     """
-    there, farthest = 0, -np.inf
+    close, farthest = 0, -np.inf
     for n in range(near):
         group = search.near[n, 0]
-        looked, reach = search.looked[group], _reach(search.least[body.groups[group, 1]], counted)
+        visited, reach = search.visited[group], _reach(search.threshold[body.groups[group, 1]], counted)
         if (
             not _meet(posed.balls[group], ball, reach)
-            or _is_beyond(looked, ball, reach)
+            or _is_beyond(visited, ball, reach)
             or not _meets_box(posed, body.groups[group, 0], body.boxes[group], ball, reach)
         ):
             continue
         deep, _on, _i, _j, _k, by, left = depth_of(posed, body, group, -1, ball[0], ball[1], ball[2])
-        looked[0], looked[1], looked[2] = ball[0], ball[1], ball[2]
-        looked[3] = deep + 2.0 * left if left < np.inf else np.inf
+        visited[0], visited[1], visited[2] = ball[0], ball[1], ball[2]
+        visited[3] = deep + 2.0 * left if left < np.inf else np.inf
         if deep + ball[3] > -reach or deep == -np.inf:
             is_known, farthest = False, max(farthest, reach)
-            for other in range(there):  # groups from which one comes to the same vertex are one
+            for other in range(close):  # groups with the same nearest vertex are measured once
                 is_known = is_known or (by >= 0 and search.near[other, 1] == by)
             if not is_known:
-                search.near[n, 0], search.near[there, 0], search.near[there, 1] = search.near[there, 0], group, by
-                there += 1
-    return there, farthest
+                search.near[n, 0], search.near[close, 0], search.near[close, 1] = search.near[close, 0], group, by
+                close += 1
+    return close, farthest
 
 
 @inlined()
-def _look(part, point, there, farthest, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
-    """Look how deep a point is in the groups that it may be near, note where it is the deepest, and return the largest
-    of its depths.
+def _measure_point(part, point, close, farthest, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
+    """Measure the depths of a point in the first `close` near groups, store those that are the largest so far, and
+    return the largest.
     """
-    depths, places, alone = found
+    depths, places, separate = found
     _set_point(point, skin, posed, search.at)
     deepest = -np.inf
-    for n in range(there):
+    for n in range(close):
         group, by = search.near[n, 0], search.near[n, 1]
-        if _is_beyond(search.looked[group], search.at, farthest):
+        if _is_beyond(search.visited[group], search.at, farthest):
             continue
         deep, on, i, j, k, _v, _left = depth_of(posed, body, group, by, search.at[0], search.at[1], search.at[2])
-        if on < 0 or search.least[on] == np.inf:
+        if on < 0 or search.threshold[on] == np.inf:
             continue
         deepest = max(deepest, deep)
-        if deep > depths[on] and deep > search.least[on]:
+        if deep > depths[on] and deep > search.threshold[on]:
             depths[on] = deep
             places[on, 0], places[on, 1], places[on, 2] = i, j, k
             search.last[part, on, 0], search.last[part, on, 1] = point, group
-            _raise(search, alone, on, deep)
+            _raise(search, separate, on, deep)
     return deepest
 
 
 @inlined()
 def _refine(part, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
-    """Find the depth of the deepest points by triangles, and of deeper ones around them."""
-    depths, places, _alone = found
+    """Climb from the deepest points to deeper neighbours, with depths by triangles."""
+    depths, places, _separate = found
     for segment in range(len(depths)):
         point, group, deep = search.last[part, segment, 0], search.last[part, segment, 1], depths[segment]
-        is_found = point >= 0 and places[segment, 0] < np.inf and deep > -np.inf and deep >= search.least[segment]
+        is_found = point >= 0 and places[segment, 0] < np.inf and deep > -np.inf and deep >= search.threshold[segment]
         if is_found and body.groups[group, 3] >= 0:
             search.last[part, segment, 0] = _climb(segment, point, group, skin, body, posed, search, found)
 
 
 @inlined()
 def _climb(segment, point, group, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
-    """The point that is reached from one by way of neighbours that are deeper in a segment, or in those that are looked
-    for together with it; writes how deep it is, by triangles, and its place in the bind pose.
+    """The point that is reached from `point` by going to neighbours that are deeper in a segment, or in others of its
+    place that are not separate. Writes its depth, by triangles, and its place in the bind pose.
     """
-    depths, places, alone = found
+    depths, places, separate = found
     at, place, before = search.at, places[segment], -1
     _set_point(point, skin, posed, at)
     depths[segment] = depth_by_triangles(posed, body, group, depths[segment], place, at)
@@ -246,7 +250,7 @@ def _climb(segment, point, group, skin, body, posed, search, found):  # type: ig
             other = skin.neighbours[n]
             _set_point(other, skin, posed, at)
             deep, on, i, j, k, _v, _left = depth_of(posed, body, group, -1, at[0], at[1], at[2])
-            if on >= 0 and _counts_for(search.of_place, alone, on, segment):
+            if on >= 0 and _counts_for(search.of_place, separate, on, segment):
                 deep = depth_by_triangles(posed, body, group, deep, (i, j, k), at)
                 if deep > depths[segment]:
                     point, depths[segment] = other, deep
@@ -282,39 +286,39 @@ def _meets_box(posed, joint, box, ball, reach):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _is_beyond(looked, ball, reach):  # type: ignore[no-untyped-def]
-    """Whether a ball is farther off than the reach, since depths change no faster than places do; `looked` is a place
-    and how deep it is.
+def _is_beyond(visited, ball, reach):  # type: ignore[no-untyped-def]
+    """Whether a ball is beyond the reach of a group, by the depth of a `visited` place: depths change no faster than
+    places do.
     """
-    room = -looked[3] - ball[3] - reach
-    return room > 0.0 and apart(looked, ball) < room * room
+    room = -visited[3] - ball[3] - reach
+    return room > 0.0 and apart(visited, ball) < room * room
 
 
 @inlined()
 def _reach(deepest, counted):  # type: ignore[no-untyped-def]
-    """How far to look where the deepest point found so far is this deep, and all points inside are counted or not."""
+    """The distance to search if the deepest point so far is this deep; 0 at least to count all points inside."""
     return 0.0 if counted and 0.0 < deepest < np.inf else -deepest
 
 
 @inlined()
-def _counts_for(of_place, alone, segment, other):  # type: ignore[no-untyped-def]
-    """Whether a point in or near a segment is as good as one in or near another."""
-    return segment == other or (of_place[segment] == of_place[other] and not alone[other])
+def _counts_for(of_place, separate, segment, other):  # type: ignore[no-untyped-def]
+    """Whether the depth in a segment counts for another one: both are of one place, and the other is not separate."""
+    return segment == other or (of_place[segment] == of_place[other] and not separate[other])
 
 
 @inlined()
-def _raise(search, alone, segment, deep):  # type: ignore[no-untyped-def]
-    """Raise how deep a point has to be, so that it need be looked for, after one that is so deep in a segment; in other
-    segments all that are inside are looked for.
+def _raise(search, separate, segment, deep):  # type: ignore[no-untyped-def]
+    """Raise the thresholds after a point that is `deep` in a segment; those of other segments of its place to 0 at
+    most, so that all points inside these are found.
     """
-    for other in range(len(search.least)):
-        if _counts_for(search.of_place, alone, segment, other):
-            search.least[other] = max(search.least[other], deep if other == segment else min(deep, 0.0))
+    for other in range(len(search.threshold)):
+        if _counts_for(search.of_place, separate, segment, other):
+            search.threshold[other] = max(search.threshold[other], deep if other == segment else min(deep, 0.0))
 
 
 @inlined()
 def _enclose(ball, balls, first, end):  # type: ignore[no-untyped-def]
-    """Write a ball around other balls."""
+    """Write a bounding ball of other balls."""
     for i in range(4):
         ball[i] = 0.0
     for n in range(first, end):

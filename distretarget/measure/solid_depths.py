@@ -1,4 +1,4 @@
-"""How deep a point is inside the parts of a posed body, by their inside in the bind pose. Compiled."""
+"""Depths of points inside the parts of a posed body, by the inside of its bind pose. Compiled."""
 
 from __future__ import annotations
 
@@ -11,50 +11,49 @@ from distretarget.numerics.compiled import inlined
 from distretarget.numerics.quaternions import rotated
 from distretarget.numerics.vectors import B1, F1, F2, I1, I2
 
-PASSES = 4  # in which a point is brought back to the bind pose
-RIGID = 0.999  # share of a joint from which on nothing else moves a point
+PASSES = 4  # of the fixed-point iteration that brings a point back to the bind pose
+RIGID = 0.999  # weight from which on a point counts as moved by one joint alone
 
 
 class Solids(NamedTuple):
-    """The inside of a body, in groups of what one joint moves most of one segment: capsules, or a part of a mesh."""
+    """The inside of a body, capsules or a mesh, in groups of one segment that are moved mostly by one joint."""
 
-    # (groups + 1, 4), joint and segment of each, its first capsule, and its lattice or -1; the last is their end
+    # (groups + 1, 4), joint and segment of each group, its first capsule, and its lattice or -1; last the end
     groups: I2
-    balls: F2  # (groups, 4), one around each: centre relative to the joint, and radius [file units]
-    boxes: F2  # (groups, 6), one around each: its lowest and its highest corner relative to the joint [file units]
-    # (capsules, 10), where the axis begins relative to the joint, its direction and its length, the radius where it
-    # begins, the change of the radius along it, and how far along it, over a point's distance to the axis, the nearest
-    # ball is off the point's foot
+    balls: F2  # (groups, 4), bounding balls: centre relative to the joint, and radius [file units]
+    boxes: F2  # (groups, 6), bounding boxes: lowest and highest corner relative to the joint [file units]
+    # (capsules, 10), start of the axis relative to the joint, its direction and its length, the radius at the start,
+    # the change of the radius along the axis, and the offset along the axis from the projection of a point to the
+    # nearest ball, per distance of the point from the axis
     capsules: F2
-    lattices: F2  # (lattices, 4), the place of the first node in the bind pose, and the spacing [file units]
+    lattices: F2  # (lattices, 4), the position of the first node in the bind pose, and the spacing [file units]
     sizes: I2  # (lattices, 4), the numbers of nodes along x, y and z, and the first node
     distances: F1  # (nodes,), from the skin, negative inside [file units]
-    nearest: I1  # (nodes,), the triangle nearest to each; -1 where the skin is far
-    triangles: I2  # (triangles, 3), the vertices of each
-    beside: I2  # (triangles, 3), those of the same solid that share an edge with each; -1 for none
+    nearest: I1  # (nodes,), the nearest triangle; -1 where the skin is far
+    triangles: I2  # (triangles, 3), vertices
+    beside: I2  # (triangles, 3), the triangles of the same solid beyond each edge; -1 for none
     vertices: F2  # (vertices, 3), in the bind pose [file units]
-    joints: I2  # (vertices, 4), those that move each most, the strongest first
+    joints: I2  # (vertices, 4), the joints that move a vertex most, the strongest first
     weights: F2  # (vertices, 4), their shares, which sum to 1
-    segments: I1  # (vertices,), the segment of each, -1 for none
-    rest: F2  # (joints, 3), the places of the joints in the bind pose [file units]
+    segments: I1  # (vertices,), the segment of each vertex, -1 for none
+    rest: F2  # (joints, 3), the positions of the joints in the bind pose [file units]
 
     def of_second_body(self, joints: int) -> Solids:
-        """Return the same on joints that are numbered behind as many others."""
+        """Return the same solids with joint numbers increased by `joints`, those of a first body."""
         groups, rest = self.groups.copy(), np.concatenate([np.zeros((joints, 3)), self.rest])
         groups[:-1, 0] += joints
         return self._replace(groups=groups, joints=self.joints + joints, rest=rest)
 
 
 class Posed(NamedTuple):
-    """A frame of a body; of its vertices those that were asked for."""
+    """A frame of a body. Vertices are computed when they are needed."""
 
-    places: F2  # (joints, 3), of the joints
-    moves: F2  # (joints, 12), how each moves what is near it in the bind pose: a matrix, row by row, and a shift
-    balls: F2  # (groups, 4), one around each group of a solid
-    vertices: F2  # (vertices, 3), the places of those that are known
-    # (vertices, 12), how what is near each of these is brought back: what is subtracted, then a matrix, row by row
-    backs: F2
-    known: B1  # (vertices,), whether each is
+    places: F2  # (joints, 3), positions
+    moves: F2  # (joints, 12), the transforms from the bind pose: a matrix, row by row, and an offset
+    balls: F2  # (groups, 4), the bounding balls of the groups
+    vertices: F2  # (vertices, 3), positions, if known
+    backs: F2  # (vertices, 12), the transforms to the bind pose, if known: an offset to subtract, then a matrix
+    known: B1  # (vertices,), whether each is known
 
     @classmethod
     def of(cls, joints: int, body: Solids) -> Posed:
@@ -85,7 +84,7 @@ def pose(posed, body, x, q):  # type: ignore[no-untyped-def]
 
 @inlined()
 def placed(posed, joint, v):  # type: ignore[no-untyped-def]
-    """The place of v, relative to a joint."""
+    """The position of v, given relative to a joint."""
     m, x = posed.moves[joint], posed.places[joint]
     return (
         x[0] + m[0] * v[0] + m[1] * v[1] + m[2] * v[2],
@@ -96,7 +95,7 @@ def placed(posed, joint, v):  # type: ignore[no-untyped-def]
 
 @inlined()
 def relative(posed, joint, a, b, c):  # type: ignore[no-untyped-def]
-    """The place a b c relative to a joint."""
+    """The position a b c relative to a joint, in its axes."""
     m, x = posed.moves[joint], posed.places[joint]
     u, v, w = a - x[0], b - x[1], c - x[2]
     return m[0] * u + m[3] * v + m[6] * w, m[1] * u + m[4] * v + m[7] * w, m[2] * u + m[5] * v + m[8] * w
@@ -104,7 +103,7 @@ def relative(posed, joint, a, b, c):  # type: ignore[no-untyped-def]
 
 @inlined()
 def set_ball(posed, joint, ball, to):  # type: ignore[no-untyped-def]
-    """Write the place of a ball relative to a joint."""
+    """Write a ball whose centre is given relative to a joint to `to`, by its position."""
     to[0], to[1], to[2] = placed(posed, joint, ball)
     to[3] = ball[3]
 
@@ -118,7 +117,7 @@ def apart(ball, other):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _in_capsules(capsules, first, end, i, j, k):  # type: ignore[no-untyped-def]
-    """How deep the point i j k is in some capsules."""
+    """The largest depth of the point i j k in some capsules."""
     deepest = -np.inf
     for m in range(first, end):
         e = capsules[m]
@@ -135,8 +134,8 @@ def _in_capsules(capsules, first, end, i, j, k):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _node(lattice, axis, size, place):  # type: ignore[no-untyped-def]
-    """The node before a place along an axis of a lattice, how far beyond it the place is, in spacings, and how far off
-    the lattice it is, in file units.
+    """The node before a place along an axis of a lattice, the distance of the place from this node [spacings], and from
+    the lattice [file units].
     """
     at = (place - lattice[axis]) / lattice[3]
     within = min(max(at, 0.0), size[axis] - 1.0)
@@ -146,7 +145,7 @@ def _node(lattice, axis, size, place):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _distance(body, number, i, j, k):  # type: ignore[no-untyped-def]
-    """The distance of the place i j k in the bind pose from the skin of a solid, by its lattice."""
+    """The distance of the place i j k in the bind pose from the skin of a solid, interpolated on its lattice."""
     lattice, size, d = body.lattices[number], body.sizes[number], body.distances
     l, s, u = _node(lattice, 0, size, i)
     m, t, v = _node(lattice, 1, size, j)
@@ -166,8 +165,8 @@ def _distance(body, number, i, j, k):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _nearest_vertex(body, number, i, j, k):  # type: ignore[no-untyped-def]
-    """The vertex nearest to the place i j k in the bind pose, of the triangle nearest to the node of a solid's lattice
-    that is nearest to the place; -1 where the skin is far.
+    """The vertex nearest to the place i j k in the bind pose, among those of the triangle nearest to the nearest node
+    of a solid's lattice; -1 where the skin is far.
     """
     lattice, size = body.lattices[number], body.sizes[number]
     scale = 1.0 / lattice[3]
@@ -185,8 +184,8 @@ def _nearest_vertex(body, number, i, j, k):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _know(posed, body, vertex):  # type: ignore[no-untyped-def]
-    """Write where a vertex is and how what is near it is brought back, if that is not known; from where its joints
-    flatten it, that is infinitely far.
+    """Write the position of a vertex and its transform to the bind pose, unless they are known. If its joints flatten
+    it, the transform leads infinitely far.
     """
     if posed.known[vertex]:
         return
@@ -217,7 +216,7 @@ def _know(posed, body, vertex):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _brought_back(posed, body, vertex, a, b, c):  # type: ignore[no-untyped-def]
-    """The place in the bind pose of what is at a b c if it moves as a vertex does."""
+    """The place in the bind pose of the point a b c, if it moves as a vertex does."""
     _know(posed, body, vertex)
     m = posed.backs[vertex]
     u, v, w = a - m[0], b - m[1], c - m[2]
@@ -226,19 +225,19 @@ def _brought_back(posed, body, vertex, a, b, c):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _alike(body, vertex, other):  # type: ignore[no-untyped-def]
-    """Whether one joint alone moves two vertices."""
+    """Whether two vertices are moved by the same single joint."""
     alone = body.weights[vertex, 0] > RIGID and body.weights[other, 0] > RIGID
     return alone and body.joints[vertex, 0] == body.joints[other, 0]
 
 
 @inlined()
 def depth_of(posed, body, group, by, a, b, c):  # type: ignore[no-untyped-def]
-    """How deep the point a b c is in a group, the segment that it is in, its place in the bind pose, the vertex that is
-    nearest there, or -1, and how far off the place may be.
+    """The depth of the point a b c in a group, its segment, its place in the bind pose, the nearest vertex there, or
+    -1, and the length of the last step of the iteration.
 
-    What moves a point of a mesh is not known before its place in the bind pose is: it is found by repetition, as the
-    skin's joints nearest to the place before would have it; first as the vertex `by` or, without one, -1, as the
-    group's joint would. What is then left of the way counts as apart.
+    In a mesh, the place in the bind pose depends on the joints that move the skin nearest to this place, so it is found
+    by fixed-point iteration. It starts with the transform of the vertex `by` or, if that is -1, of the group's joint.
+    The length of the last step is subtracted from the depth.
     """
     joint, lattice = body.groups[group, 0], body.groups[group, 3]
     rest = body.rest[joint]
@@ -273,7 +272,7 @@ def depth_of(posed, body, group, by, a, b, c):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _squared_apart(posed, body, triangle, a, b, c):  # type: ignore[no-untyped-def]
-    """The squared distance of the point a b c from a triangle as it is posed; infinite for no triangle, -1."""
+    """The squared distance of the point a b c from a posed triangle; infinite for no triangle, -1."""
     if triangle < 0:
         return np.inf
     one, two, three = body.triangles[triangle, 0], body.triangles[triangle, 1], body.triangles[triangle, 2]
@@ -285,8 +284,9 @@ def _squared_apart(posed, body, triangle, a, b, c):  # type: ignore[no-untyped-d
 
 @inlined()
 def _to_triangles(posed, body, lattice, deep, i, j, k, a, b, c):  # type: ignore[no-untyped-def]
-    """How deep the point a b c, whose place in the bind pose is i j k, is by the triangles nearest to the nodes of a
-    lattice around this place, as they are posed, and by what is nearer beside these; inside if `deep` is positive.
+    """The depth of the point a b c, whose place in the bind pose is i j k: its distance from the nearest posed
+    triangle, positive if `deep` is. The search starts with the triangles of the lattice nodes around i j k and goes on
+    to nearer neighbours of these.
     """
     origin, size = body.lattices[lattice], body.sizes[lattice]
     l, _s, _u = _node(origin, 0, size, i)
@@ -311,9 +311,9 @@ def _to_triangles(posed, body, lattice, deep, i, j, k, a, b, c):  # type: ignore
 
 @inlined()
 def depth_by_triangles(posed, body, group, deep, place, at):  # type: ignore[no-untyped-def]
-    """How deep a point is by triangles, as `_to_triangles`; if inside, by those around its places in the bind pose from
-    all groups, as where skin folds the nearest is not the one that it is inside of. The point is `at`, its place in the
-    bind pose from its group is `place`, where it is `deep`.
+    """The depth of the point `at` by triangles, as `_to_triangles`. `place` and `deep` are its place in the bind pose
+    and its depth by its own group. If it is inside, the least depth by all groups of the solid counts: where skin
+    folds, the surface that its own group shows may not be the nearest.
     """
     lattice, a, b, c = body.groups[group, 3], at[0], at[1], at[2]
     exact = _to_triangles(posed, body, lattice, deep, place[0], place[1], place[2], a, b, c)

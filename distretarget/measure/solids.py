@@ -1,7 +1,7 @@
-"""What the skin of a body may sink into: the inside of its capsules, or of its mesh.
+"""The inside of a body's capsules, or of its mesh.
 
-The inside of a mesh is known in its bind pose: the arms and all the rest are solids of their own, with distances
-from the skin on a lattice around each. A point in a posed body is brought back to the bind pose first.
+The inside of a mesh is that of its bind pose: the left arm, the right arm and the rest are solids of their own, each
+with distances from the skin on a lattice around it. Points of a posed body are brought back to the bind pose first.
 """
 
 from __future__ import annotations
@@ -18,18 +18,16 @@ from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
 SPACING = 0.01  # of the lattices [extents of the mesh]
-ROOM = 4.0  # around a solid; from farther off, the way to it is nearly that to its lattice [spacings]
-DEEPEST = 30.0  # up to which distances are known [spacings]
+ROOM = 4.0  # of a lattice around its solid; beyond, the distance to the lattice is added [spacings]
+DEEPEST = 30.0  # largest distance on a lattice [spacings]
 INFLUENCES = 4  # most joints that move a point
-STEEP = 1e9  # slope of a capsule of which one end is within the other
-
-
-# (segments,), the solid that each belongs to: the body without arms, the left and the right arm.
+STEEP = 1e9  # slope of a capsule with one end ball inside the other
+# (segments,), the solid of each: 0 for the body without arms, 1 for the left and 2 for the right arm
 SOLID_OF = np.array([(name.endswith(("arm", "hand"))) * (1 + name.startswith("right")) for name in SEGMENTS])
 
 
 def solids_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Solids:
-    """Return the inside of capsules."""
+    """Return the inside of capsules as solids."""
     capsules = capsules[np.lexsort((capsules.segments, capsules.joints))]
     carried = np.stack([capsules.joints, capsules.segments], axis=1)
     groups, first = np.unique(carried, axis=0, return_index=True)
@@ -62,7 +60,7 @@ def solids_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Solids:
 
 
 def solids_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> Solids:
-    """Return the inside of a mesh; `segments`, (joints,), is the part of the body that each joint carries, or -1."""
+    """Return the inside of a mesh; `segments`, (joints,), has the segment that each joint carries, or -1."""
     joints, weights = strongest(mesh)
     of_vertex, triangles = segments[joints[:, 0]], welded(mesh)
     of_triangle = np.sort(of_vertex[triangles], axis=1)[:, 1]
@@ -111,7 +109,7 @@ def solids_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> 
 
 
 def strongest(mesh: SkinnedMesh) -> tuple[Numbers, Array]:
-    """Return the joints that move each vertex most, the strongest first, and their shares, (vertices, influences)."""
+    """Return the joints that move each vertex most, the strongest first, and their weights, (vertices, influences)."""
     order = np.argsort(-mesh.weights, axis=1, kind="stable")[:, :INFLUENCES]
     joints, weights = (np.take_along_axis(each, order, axis=1) for each in (mesh.joints, mesh.weights))
     room = ((0, 0), (0, INFLUENCES - order.shape[1]))
@@ -119,28 +117,28 @@ def strongest(mesh: SkinnedMesh) -> tuple[Numbers, Array]:
 
 
 def welded(mesh: SkinnedMesh) -> Numbers:
-    """Return the triangles of a mesh, of vertices at one place the first, without those of no extent."""
+    """Return the triangles of a mesh with vertices at one place merged, without those that have no area then."""
     triangles = mesh.firsts[mesh.triangles]
     return np.asarray(triangles[(triangles != np.roll(triangles, 1, axis=1)).all(axis=1)])
 
 
 def _beside(triangles: Numbers, solids: Numbers, count: int) -> Numbers:
-    """(triangles, 3), the triangle of the same solid beyond each edge of each, -1 for none."""
+    """(triangles, 3), the triangle of the same solid beyond each edge, -1 for none."""
     ends = np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2)
-    there, back = ((solids[:, None] * count + ends[..., a]) * count + ends[..., 1 - a] for a in (0, 1))
-    order = np.argsort(there, axis=None)
-    at = np.searchsorted(there.ravel(), back, sorter=order)
-    found = order[np.minimum(at, there.size - 1)]
-    return np.where(there.ravel()[found] == back, found // 3, -1)
+    forth, back = ((solids[:, None] * count + ends[..., a]) * count + ends[..., 1 - a] for a in (0, 1))
+    order = np.argsort(forth, axis=None)
+    at = np.searchsorted(forth.ravel(), back, sorter=order)
+    found = order[np.minimum(at, forth.size - 1)]
+    return np.where(forth.ravel()[found] == back, found // 3, -1)
 
 
 def _fans(triangles: Numbers, count: int) -> tuple[Numbers, list[Numbers]]:
-    """Triangles that close the holes of some triangles, each hole by a fan from a new vertex, numbered from `count`;
-    and the vertices around each hole, in whose middle the new one is.
+    """Triangles that close the holes of a surface, each hole by a fan from a new vertex, numbered from `count`; and the
+    vertices around each hole, whose mean is the new one.
     """
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
-    there, back = edges @ [count, 1], edges @ [1, count]
-    rim = edges[~np.isin(there, back)]
+    forth, back = edges @ [count, 1], edges @ [1, count]
+    rim = edges[~np.isin(forth, back)]
     parts = connected_components(coo_array((np.ones(len(rim)), rim.T), shape=(count, count)), directed=False)[1]
     holes, hole = np.unique(parts[rim[:, 0]], return_inverse=True)
     fans = np.column_stack([rim[:, ::-1], count + hole])
@@ -148,11 +146,11 @@ def _fans(triangles: Numbers, count: int) -> tuple[Numbers, list[Numbers]]:
 
 
 def _ball_around(places: Array, radii: Array) -> Array:
-    """A ball around balls: centre and radius, (4,)."""
+    """A bounding ball of balls: centre and radius, (4,)."""
     centre = places.mean(axis=0)
     return np.append(centre, (lengths(places - centre) + radii).max())
 
 
 def _box_around(places: Array, radii: Array) -> Array:
-    """A box around balls: its lowest and its highest corner, (6,)."""
+    """The bounding box of balls: its lowest and its highest corner, (6,)."""
     return np.append((places - radii[:, None]).min(axis=0), (places + radii[:, None]).max(axis=0))

@@ -1,9 +1,9 @@
-"""What rests on the world in a source, feet and other joints: whether it slides in a result or leaves its height.
+"""Feet and other joints that rest on the world in a source: whether they slide in a result or leave their height.
 
-All is found from positions alone: what rests is slow, and near its lowest heights; and the floor is where that is,
-without any fitting, so that nothing hides a shift of all. Heights are compared in leg lengths of each body. Where the
-target's feet have a mesh, its lowest vertices are their soles, and are right from the mean height of the source's sole
-over a rest to the source's floor, if the one is near the other.
+All is found from positions alone: a resting joint is slow, and near its lowest heights, and the floor is at the heights
+of resting soles, without any fitting that could hide an offset of the whole motion. Heights are compared in leg lengths
+of each body. Where the target's feet have a mesh, its lowest vertices are the soles. Their height has no error from
+the mean height of the source's sole over a rest to the source's floor, if these two are near each other.
 """
 
 from __future__ import annotations
@@ -33,18 +33,16 @@ SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths 
 LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
 LOWEST = 2.0  # which is this percentile of them [%]; ...
 LOW = 0.1  # ... if another's, no higher than this above the lowest joint [leg lengths]
-# Nobody sees how feet rest that do so for less than this and than half of a clip, all rests together: a foot in a run
-# carries the body for longer [s].
-LEAST = 0.1
-NEAR = 0.06  # a sole that rests this near to the floor may be on it: points below joints wander by half of it ...
-THICK = 0.2  # ... and so may the skin about other joints that rest this near to it [both leg lengths]
-HOLD = 1.0  # a hand or head that holds on to something stays in its place for this long [s],
-PLACE = 0.02  # which is no larger than this [leg lengths],
-SWAY = 8.0  # while the joint where its limb begins goes this many times as far, and ...
-FARTHER = 0.04  # ... this much farther [leg lengths]
+LEAST = 0.1  # feet that rest for less than this in all, and than half of the clip, do not count as resting [s]
+NEAR = 0.06  # a sole this near to the floor may be on it, as points below joints wander by half of this ...
+THICK = 0.2  # ... and so may the skin about other joints this near to it [both leg lengths]
+HOLD = 1.0  # a hand or head that holds on to something stays for this long [s],
+PLACE = 0.02  # in a box with a diagonal below this [leg lengths],
+SWAY = 8.0  # while the box of the joint where its limb begins is larger by this factor, and ...
+FARTHER = 0.04  # ... by this much [leg lengths]
 SITS = 0.25  # hips that are no higher than this above the soles carry the body as well [leg lengths]
 BETWEEN = 0.5  # the body takes about this long from its feet to other supports [s]
-ENDS = ("left hand", "right hand", "head")  # the regions that hold on to something
+ENDS = ("left hand", "right hand", "head")  # the regions that may hold on to something
 BASES = ("trunk", "hips")  # the regions where their limbs begin
 TRUNK = ("chest", "belly", "pelvis")  # segments that rest as one
 
@@ -56,7 +54,7 @@ def foot_joints(legs: Sequence[Leg]) -> Numbers:
 
 def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Flags:
     """(frames, foot joints), whether each foot joint rests; `length` is that of a leg, `up`, (3,), the vector up. A
-    foot that is higher than the hip joint of its leg carries nothing, as in a clip of a single kick.
+    foot higher than the hip joint of its leg does not rest, as in a clip of a single kick.
     """
     paths = motion.positions[:, foot_joints(legs)] / length
     heights, hips = paths @ up, motion.positions[:, [leg.hip for leg in legs for _ in range(2)]] @ up / length
@@ -66,10 +64,10 @@ def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> 
     return rests & (count >= min(LEAST / motion.frame_time, 0.5 * len(rests)))
 
 
-def off_floor(heights: Array, of_source: Array, floor: float, near: Array | float = NEAR) -> Array:
-    """How far heights in a result are above where they belong, negative below, in any shape [leg lengths].
+def height_errors(heights: Array, of_source: Array, floor: float, near: Array | float = NEAR) -> Array:
+    """The errors of heights in a result, in any shape [leg lengths].
 
-    They belong where they are in the source, on its floor if that is so near, or anywhere between.
+    A height is right from the source's to the source's floor, if these are nearer to each other than `near`.
     """
     other = np.where(np.abs(of_source - floor) < near, floor, of_source)
     return np.asarray(heights - np.clip(heights, np.minimum(of_source, other), np.maximum(of_source, other)))
@@ -81,19 +79,19 @@ class FootPaths(NamedTuple):
     skate: Array  # (frames, foot joints), horizontal speed [leg lengths / s]
     sole: Array  # (frames, legs), the height of the lowest joint of the foot or of the heel [leg lengths]
     ankle: Array  # (frames, legs), the height of the ankle [leg lengths]
-    hip: Array  # (frames, legs), that of the leg's hip joint [leg lengths]
+    hip: Array  # (frames, legs), the height of the leg's hip joint [leg lengths]
 
     def hips_over(self, rests: Flags) -> Array:
-        """(frames, legs), how high the hips are over each ankle [leg lengths]: the middle of the hip joints of the legs
-        that stand on the feet that rest, (frames, legs). Where the pelvis tilts on one leg, wide hips are as high as
-        narrow ones by the hip joint of that leg.
+        """(frames, legs), the height of the hips over each ankle [leg lengths]: of the middle of the hip joints of the
+        legs whose feet rest, `rests`, (frames, legs). So the tilt of a pelvis on one leg does not count, which moves
+        wide hips more than narrow ones.
         """
         standing = rests.sum(axis=1, keepdims=True)
         return np.asarray((rests * self.hip).sum(axis=1, keepdims=True) / np.maximum(standing, 1) - self.ankle)
 
 
 def _paths_of(motion: Motion, feet: Sequence[tuple[Leg, Sole]], length: float, up: Array) -> FootPaths:
-    """Follow the feet of a motion, on legs of this length [file units]; `up`, (3,), is the unit vector up."""
+    """Measure the feet of a motion, on legs of this length [file units]; `up`, (3,), is the unit vector up."""
     legs, x, heights = [leg for leg, _ in feet], motion.positions, list[list[Array]]()
     for leg, sole in feet:
         lowest = lowest_heights(x, up, sole.joints)
@@ -108,44 +106,44 @@ def _paths_of(motion: Motion, feet: Sequence[tuple[Leg, Sole]], length: float, u
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SourceFeet:
-    """The feet of a source, which those of results are measured against. Arrays have no columns without legs."""
+    """The feet of a source, against which those of results are measured. Arrays have no columns without legs."""
 
     up: Array  # (3,), the unit vector up in source and results
     feet: Sequence[tuple[Leg, Sole]]  # the target's
     leg: float  # the length of the target's legs [file units]
     stance: Flags  # (frames, foot joints), whether each foot joint of the source rests
     paths: FootPaths  # of the source
-    floor: float  # the height of the source's, the median of its soles that rest; nan if none does [leg lengths]
-    belongs: Array  # (frames, legs), the height of the sole; its mean over a rest if meshes are compared [leg lengths]
+    floor: float  # the height of the source's floor, the median of resting soles; nan if none rests [leg lengths]
+    sole: Array  # (frames, legs), wanted heights of soles; the mean over a rest if meshes are compared [leg lengths]
     surface: Surface | None  # the target's; None if no mesh shows its feet
-    thickness: float  # how far that is below the lowest joint of a foot that stands flat [leg lengths]
+    thickness: float  # from the lowest joint of a flat foot down to its surface [leg lengths]
 
     def in_result(self, result: Motion, supports: SupportsMeasured) -> Tracks:
-        """What the metrics of feet, hips and floor of a result are taken from, by how its other `supports` are: speeds
-        [leg lengths / s], and errors of heights [% of leg length].
+        """The tracks of the metrics of feet, hips and floor of a result, by its other `supports`: speeds [leg lengths /
+        s], and errors of heights [% of leg length].
         """
         source, own = self.paths, _paths_of(result, self.feet, self.leg, self.up)
         ankle_rests, stands = self.stance[:, ::2], self.stance[:, ::2] | self.stance[:, 1::2]
-        sole, off = own.sole, own.sole - self.belongs
+        sole, off = own.sole, own.sole - self.sole
         if self.surface is not None:
             feet = [result.skeleton.subtree_at(leg.ankle) for leg, _ in self.feet]
             lowest = [self.surface.lowest(result, foot, self.up) for foot in feet]
             sole = np.stack(lowest, axis=1) / self.leg + self.thickness
-            off = off_floor(sole, self.belongs, self.floor)
+            off = height_errors(sole, self.sole, self.floor)
         sits = (source.hip < source.sole.min(axis=1, keepdims=True, initial=np.inf) + SITS).any(axis=1)
-        alone = ankle_rests & ~(supports.carry(result.frame_time) | sits)[:, None]
+        on_feet_only = ankle_rests & ~(supports.carry(result.frame_time) | sits)[:, None]
         hips_off = np.abs(own.hips_over(stands) - source.hips_over(stands))
         keys = result.skeleton.keys_of(foot_joints([leg for leg, _ in self.feet]))
         return {
             "foot_skate": Track(own.skate, self.stance, keys),
             "foot_height": Track(100 * np.abs(off), stands, keys[::2]),
-            "hips_height": Track(100 * hips_off, alone, keys[::2]),
-            "floor": self._off_floor(sole, supports),
+            "hips_height": Track(100 * hips_off, on_feet_only, keys[::2]),
+            "floor": self._lowest_errors(sole, supports),
         }
 
-    def _off_floor(self, sole: Array, supports: SupportsMeasured) -> Track:
-        """(frames,), how far the lowest of soles, (frames, legs) [leg lengths], and of skin on which other joints rest
-        is from where the lowest of the source is, or from its floor if that is near, while any of these rests there.
+    def _lowest_errors(self, sole: Array, supports: SupportsMeasured) -> Track:
+        """(frames,), the error of the lowest height of soles, (frames, legs) [leg lengths], and of skin on which other
+        joints rest, in frames in which any of these rest in the source.
         """
         on_skin = np.isfinite(supports.lowest)
         joints = np.where(supports.on_floor & on_skin[:, None], supports.height_source, np.inf)
@@ -153,7 +151,7 @@ class SourceFeet:
         lowest = np.minimum(sole.min(axis=1, initial=np.inf), supports.lowest)
         rests = (self.stance.any(axis=1) | on_skin) & np.isfinite(lowest) & np.isfinite(self.floor)
         near, errors = np.where(on_skin, THICK, NEAR)[rests], np.zeros(len(rests))
-        errors[rests] = 100.0 * np.abs(off_floor(lowest[rests], of_source[rests], self.floor, near))
+        errors[rests] = 100.0 * np.abs(height_errors(lowest[rests], of_source[rests], self.floor, near))
         return Track(errors, rests)
 
 
@@ -179,7 +177,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | 
         stance=stance,
         paths=paths,
         floor=float(np.median(paths.sole[rests])) if rests.any() else np.nan,
-        belongs=np.concatenate(means, axis=1) if shown else paths.sole,
+        sole=np.concatenate(means, axis=1) if shown else paths.sole,
         surface=skin if shown else None,
         thickness=float(below),
     )
@@ -187,21 +185,21 @@ def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class SupportsMeasured:
-    """The joints that rest on the world in a source, apart from feet, and how they do so in a result."""
+    """The joints that rest on the world in a source, apart from feet, and their measurements in a result."""
 
     joints: Numbers  # (joints,), of the target, that rest in some frame of the source
     on_floor: Flags  # (frames, joints), whether each rests on the floor in the source
     holds: Flags  # (frames, joints), whether each holds on to something that stands still
     skate: Array  # (frames, joints), horizontal speed [leg lengths / s]
     height: Array  # (frames, joints), error of the height in the result [% of leg length]
-    height_source: Array  # (frames, joints), over the origin [leg lengths]
-    lowest_source: Array  # (frames,), the height of the lowest joint [leg lengths]
-    lowest: Array  # (frames,), that of the lowest skin about joints that rest; infinite without [leg lengths]
+    height_source: Array  # (frames, joints), over the origin, in the source [leg lengths]
+    lowest_source: Array  # (frames,), the height of the source's lowest joint [leg lengths]
+    lowest: Array  # (frames,), the height of the lowest skin about resting joints; infinite if none [leg lengths]
     up: Array  # (3,), the unit vector up
     leg: float  # the length of the target's leg [file units]; 1 without legs
-    parts: tuple[tuple[int, ...], ...]  # for each joint, those of the target that carry the skin it rests on
+    parts: tuple[tuple[int, ...], ...]  # for each joint, the target's joints that carry the skin it rests on
     surface: Surface | None  # of the target's skin; None if it is not known, or without legs
-    thickness: float  # of that below a foot that stands flat [leg lengths]
+    thickness: float  # from the lowest joint of a flat foot down to its skin [leg lengths]
 
     @property
     def rest(self) -> Flags:
@@ -209,7 +207,7 @@ class SupportsMeasured:
         return self.on_floor | self.holds
 
     def carry(self, frame_time: float) -> Flags:
-        """(frames,), whether they carry part of the body: one of them rests within `BETWEEN` before or after."""
+        """(frames,), whether one of them rests within `BETWEEN` before or after, and so may carry part of the body."""
         rests = np.asarray(self.rest.any(axis=1))
         reach = int(min(BETWEEN / frame_time, len(rests)))
         return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
@@ -217,8 +215,8 @@ class SupportsMeasured:
     def in_result(self, result: Motion) -> SupportsMeasured:
         """The same joints, measured in a result.
 
-        Where the skin is known, a height is right from the source's to the one at which the lowest skin of that part of
-        the body is on what the source's lowest joint is on.
+        If the skin is known, any height between the source's and that at which the lowest skin of that part of the body
+        is as high as the source's lowest joint has error 0.
         """
         paths = result.positions[:, self.joints] / self.leg
         skate = speeds_along(level(paths, self.up), result.frame_time)
@@ -226,12 +224,12 @@ class SupportsMeasured:
         for part, skin in self._skins(result):
             on = np.flatnonzero([each == part for each in self.parts])
             rests = self.on_floor[:, on] & np.isfinite(skin)[:, None]
-            off[:, on] = np.where(rests, _least(off[:, on], (skin - self.lowest_source)[:, None]), off[:, on])
+            off[:, on] = np.where(rests, _lesser_error(off[:, on], (skin - self.lowest_source)[:, None]), off[:, on])
             lowest = np.where(rests.any(axis=1), np.minimum(lowest, skin), lowest)
         return replace(self, skate=skate, height=100.0 * np.abs(off), lowest=lowest)
 
     def _skins(self, result: Motion) -> Iterator[tuple[tuple[int, ...], Array]]:
-        """Each part of the body that rests, and the height of its lowest skin over that of a flat foot, (frames,)."""
+        """Each of the `parts`, and the height of its lowest skin plus the `thickness` of a foot, (frames,)."""
         if self.surface is not None:
             for part in dict.fromkeys(self.parts):
                 yield part, self.surface.lowest(result, part, self.up) / self.leg + self.thickness
@@ -240,8 +238,8 @@ class SupportsMeasured:
 def find_supports(
     source: Motion, matching: Matching, up: Array, surface: Surface | None = None, thickness: float = 0.0
 ) -> SupportsMeasured:
-    """Find the joints that rest in a source, which is its own result until `in_result`; arguments as in `find_feet`,
-    and how far the skin is below a foot that stands flat [leg lengths].
+    """Find the joints that rest in a source, with its own measurements until `in_result`; arguments as in `find_feet`,
+    and `SupportsMeasured.thickness`.
     """
     joints = matching.joints_but_feet()
     drivers = matching.drivers[joints]
@@ -271,8 +269,8 @@ def find_supports(
     )
 
 
-def _least(joint: Array, skin: Array) -> Array:
-    """The lesser of the errors of a joint's height and of its skin's; 0 where one is too high and the other too low."""
+def _lesser_error(joint: Array, skin: Array) -> Array:
+    """The lesser of the height errors of joint and skin; 0 where one is too high and the other too low."""
     nearer = np.where(np.abs(joint) < np.abs(skin), joint, skin)
     return np.asarray(np.where(joint * skin > 0.0, nearer, 0.0))
 
@@ -286,13 +284,13 @@ def _parts(body: Body, joints: list[int]) -> tuple[tuple[int, ...], ...]:
 
 
 def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> Flags:
-    """(frames, joints), whether each keeps its place while the base of its limb moves."""
+    """(frames, joints), whether each stays in its place while the base of its limb moves."""
     names, of_joint, drivers = matching.regions.names, matching.regions.of_joint, matching.drivers
     reach = max(int(min(0.5 * HOLD / source.frame_time, len(source))), 1)
     holds = np.zeros((len(source), len(joints)), bool)
 
-    def ways_of(some: Numbers) -> Array:
-        """(frames, some), the diagonal of the box that each joint's path fills within `reach` frames on each side."""
+    def extents_of(some: Numbers) -> Array:
+        """(frames, some), the diagonal of the bounding box of each joint's path within `reach` frames on each side."""
         paths = source.positions[:, drivers[some]] / leg
         return lengths(largest(paths, reach) + largest(-paths, reach))
 
@@ -301,9 +299,10 @@ def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> F
         return next((each for each in above if names[of_joint[each]] in BASES), joint)
 
     ends = np.flatnonzero([names[region] in ENDS for region in of_joint[joints].tolist()])
-    ways = ways_of(joints[ends])
-    stay = ways < PLACE
+    extents = extents_of(joints[ends])
+    stay = extents < PLACE
     some = stay.any(axis=0)
     bases, at = np.unique([base_of(joint) for joint in joints[ends[some]].tolist()], return_inverse=True)
-    holds[:, ends[some]] = stay[:, some] & (ways_of(bases.astype(np.intp))[:, at] > SWAY * ways[:, some] + FARTHER)
+    base_extents = extents_of(bases.astype(np.intp))[:, at]
+    holds[:, ends[some]] = stay[:, some] & (base_extents > SWAY * extents[:, some] + FARTHER)
     return holds

@@ -1,4 +1,4 @@
-"""The surface of a body, of its mesh or, where it has none, of capsules: how low it reaches."""
+"""The lowest heights of the surface of a body, of its mesh or, if it has none, of its capsules."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from distretarget.skin.mesh import SkinnedMesh, outermost
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """Balls on the joints of a skeleton; those of a mesh are its vertices and have no radius."""
+    """A surface as balls on the joints of a skeleton; those of a mesh are its vertices and have no radius."""
 
-    centres: SkinnedMesh  # the centres of the balls as its vertices, without triangles
+    centres: SkinnedMesh  # the centres of the balls as vertices, without triangles
     radii: Array  # (balls,) [file units]
-    rest: Array  # (joints, 3), the places of the joints while none is turned [file units]
+    rest: Array  # (joints, 3), the positions of the joints in the rest pose [file units]
     of_mesh: bool
 
     def on(self, joints: Iterable[int]) -> Numbers:
-        """The balls that some joints carry."""
+        """The numbers of the balls that some joints carry."""
         return np.flatnonzero(np.isin(self.centres.carriers, [*joints]))
 
     def lowest(self, motion: Motion, joints: Iterable[int], up: Array) -> Array:
-        """(frames,), the height of the lowest point that some joints carry, along the unit vector up, (3,); infinite
-        where they carry none [file units].
+        """(frames,), the height of the lowest point that some joints carry, along the unit vector `up`, (3,) [file
+        units]; infinite if they carry none.
         """
         on = self.on(joints)
         some, radii = _without_triangles(self.centres, on), self.radii[on]
@@ -41,7 +41,7 @@ class Surface:
         )
 
     def below_sole(self, sole: Sole) -> float:
-        """How far the skin of a flat foot is below its lowest joint [file units]; 0 for a foot without skin."""
+        """The thickness of a flat foot below its lowest joint [file units]; 0 for a foot without skin."""
         on = self.on(sole.joints.tolist())
         if not len(on):
             return 0.0
@@ -61,7 +61,7 @@ def find_surface(skeleton: Skeleton, capsules: Capsules, mesh: SkinnedMesh | Non
 
 @lru_cache(maxsize=4)
 def surface_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton) -> Surface:
-    """Return the surface of a mesh: the vertices that can be the outermost of all that one joint carries."""
+    """Return the surface of a mesh: of the vertices that one joint carries, those that can be the outermost."""
     groups = [np.flatnonzero(mesh.carriers == joint) for joint in np.unique(mesh.carriers)]
     on = np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
     return Surface(_without_triangles(mesh, on), np.zeros(len(on)), skeleton.rest_positions, of_mesh=True)

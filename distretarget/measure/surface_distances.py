@@ -1,9 +1,9 @@
-"""Distances from a surface of triangles on a lattice, negative inside.
+"""Signed distances of the nodes of a lattice from a surface of triangles, negative inside.
 
-Distances spread over the lattice from the nodes next to each triangle, each node taking over the triangles of its
-neighbours (H. Zhao, "A fast sweeping method for Eikonal equations", Mathematics of Computation 74, 2005). What is
-inside is seen along the lattice's lines: the mean of the winding numbers to both sides along three axes, so that a hole
-or a sheet in one of them does no harm.
+Distances spread over the lattice from the nodes next to each triangle, each node trying the nearest triangles of its
+neighbours (H. Zhao, "A fast sweeping method for Eikonal equations", Mathematics of Computation 74, 2005). The sign is
+that of the mean of six winding numbers, along lattice lines to both sides on three axes, so that a hole or a sheet that
+one of these lines meets does no harm.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F3, I3, Array, Numbers
 
 SWEEPS = 2  # over the lattice, in each of eight directions
-OFF_NODES = 1.3e-4  # lines along which triangles are counted pass nodes at this distance, not through edges [spacings]
+OFF_NODES = 1.3e-4  # offset from the nodes of lines along which triangles are counted, so as to miss edges [spacings]
 
 
 def distances_on_lattice(surface: Array, closed: Array, shape: tuple[int, ...], limit: float) -> tuple[Array, Numbers]:
-    """Return the distances of the nodes of a lattice from a surface, up to a limit, negative inside; and the triangles
-    that are nearest to them, -1 beyond the limit. Both are (x, y, z).
+    """Return the signed distances of the nodes of a lattice from a surface, and their nearest triangles, -1 beyond the
+    limit, (x, y, z) each.
 
     Args:
-        surface: (triangles, 3, 3), the corners of the triangles that distances are taken to; node i, j, k is at
-            (i, j, k), so that lengths are in spacings of the lattice.
-        closed: (triangles, 3, 3), those of a closed surface that says what is inside.
+        surface: (triangles, 3, 3), the corners of the triangles; node i, j, k is at (i, j, k), so that lengths are in
+            spacings of the lattice.
+        closed: (triangles, 3, 3), the corners of a closed surface, which decides what is inside.
         shape: the number of nodes along each axis.
         limit: the largest distance.
     """
@@ -36,7 +36,7 @@ def distances_on_lattice(surface: Array, closed: Array, shape: tuple[int, ...], 
 
 @inlined()
 def squared_distance(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """The squared distance of a point from the triangle a b c, by the region of its plane that the point is above
+    """The squared distance of a point from the triangle a b c, by the Voronoi region of the point's projection
     (C. Ericson, "Real-Time Collision Detection", 2005, 5.1.5).
     """
     ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
@@ -68,8 +68,8 @@ def squared_distance(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
 
 @inlined()
 def _nodes(corners, axis, around, off, count):  # type: ignore[no-untyped-def]
-    """The first node of a line along an axis, moved by `off`, that is within a triangle or as far around it, and the
-    first beyond.
+    """The first node, moved by `off`, within the extent of a triangle along an axis, widened by `around`, and the first
+    node beyond.
     """
     low = min(corners[0, axis], corners[1, axis], corners[2, axis]) - around - off
     high = max(corners[0, axis], corners[1, axis], corners[2, axis]) + around - off
@@ -78,9 +78,9 @@ def _nodes(corners, axis, around, off, count):  # type: ignore[no-untyped-def]
 
 @compiled()
 def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3], found: Out[I3]) -> None:
-    """Write the distances that are less than what they are, and the nearest triangles; and to `found`, which is 0, the
-    number of the sweep in which each was found, from 1. What is as it was in the last sweep that went the same way is
-    not looked at again.
+    """Lower distances to those from the surface, and write the nearest triangles and, to `found`, which is 0, the
+    number of the sweep, from 1, in which each was found. A node and a neighbour that have not changed since the last
+    sweep in the same direction are skipped.
     """
     shape = distances.shape
     for triangle in range(len(surface)):
@@ -96,7 +96,7 @@ def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3], found: O
                         distances[i, j, k], nearest[i, j, k] = distance, triangle
     for sweep in range(8 * SWEEPS):
         to_x, to_y, to_z = 1 - 2 * (sweep & 1), 1 - (sweep & 2), 1 - (sweep & 4) // 2
-        old_x, old_y, old_z = _passed_on(sweep, 0), _passed_on(sweep, 1), _passed_on(sweep, 2)
+        old_x, old_y, old_z = _last_along(sweep, 0), _last_along(sweep, 1), _last_along(sweep, 2)
         for step_x in range(shape[0]):
             i = step_x if to_x > 0 else shape[0] - 1 - step_x
             for step_y in range(shape[1]):
@@ -122,8 +122,8 @@ def _write_distances(surface: F3, distances: Out[F3], nearest: Out[I3], found: O
 
 
 @inlined()
-def _passed_on(sweep, axis):  # type: ignore[no-untyped-def]
-    """The number, from 1, of the last sweep before one that went the same way along an axis; -1 for none."""
+def _last_along(sweep, axis):  # type: ignore[no-untyped-def]
+    """The number, from 1, of the last sweep before one in the same direction along an axis; -1 for none."""
     before = sweep - 1
     while before >= 0 and (before >> axis & 1) != (sweep >> axis & 1):
         before -= 1

@@ -1,4 +1,4 @@
-"""The verdict on a result: a plain sentence of what was kept and what changed, and warnings."""
+"""The verdict on a result: a sentence on what was kept and what changed, and warnings."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import Self
 
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, Metrics, Tracks, Variant
 
-FindCause = Callable[[Metric, int, str], str]  # of a metric in a frame and part; empty if none is found
+FindCause = Callable[[Metric, int, str], str]  # from metric, frame and part to a cause; empty if none is found
 
-SAME = 1.15  # contacts that are kept less than this times better are kept as well as by copied rotations
+SAME = 1.15  # contacts whose error is less than this times smaller are kept as well as by copied rotations
 MOST_TIMES = 100.0  # a larger ratio of contact errors is given as "more than"
-TOUCHES = 0.5  # skins so near to each other, or so deep in each other, seem to touch: 9 mm of 1.8 m [% of height]
+TOUCHES = 0.5  # skins with a gap, or a depth, up to this seem to touch: 9 mm of 1.8 m [% of height]
 NO_CONTACTS = "there are no self-contacts to keep"
-STILL = 0.01  # feet slower than this do not slide [leg lengths/s]
-UNCHANGED = 0.05  # a smaller error of direction is not mentioned [degrees]
-LEAST_BOUND = 0.1  # the least error that is given [% of height, or of leg length]
+STILL = 0.01  # feet slower than this do not skate [leg lengths/s]
+UNCHANGED = 0.05  # a smaller direction error is not mentioned [degrees]
+LEAST_BOUND = 0.1  # smaller errors are given as this [% of height, or of leg length]
 
 
 class Remark(str):
-    """A text on a result, and where in it to look.
+    """A text on a result, with the frame and the parts of the body that it is about.
 
     Attributes:
-        frame: the frame; None for no frame.
-        parts: the parts of the body, keys of joints or names such as "left hand"; none for the body as a whole.
+        frame: the frame; None for the whole clip.
+        parts: keys of joints, or names such as "left hand"; none for the whole body.
     """
 
     __slots__ = ("frame", "parts")
@@ -32,7 +32,7 @@ class Remark(str):
     parts: tuple[str, ...]
 
     def __new__(cls, text: str, frame: int | None = None, *parts: str) -> Self:
-        """Make it of a text, a frame, and parts, of which empty names are left out."""
+        """Make it of a text, a frame, and parts; empty names are left out."""
         remark = super().__new__(cls, text)
         remark.frame, remark.parts = frame, (*filter(None, parts),)
         return remark
@@ -41,31 +41,31 @@ class Remark(str):
 def limit_warnings(
     metrics: Metrics, tracks: Mapping[Variant, Tracks], cause_of: FindCause | None = None
 ) -> Iterator[Remark]:
-    """Yield a warning for each metric of the result above its limit, with value, worst frame, and what `cause_of` finds
-    for the metric in that frame and part. `metrics` are those of `tracks`.
+    """Yield a warning for each metric of the result above its limit, with value, worst frame, and the cause that
+    `cause_of` finds there. `metrics` are those of `tracks`.
     """
-    for metric, limit, value in _over(metrics):
+    for metric, limit, value in _over_limits(metrics):
         better = f" ({_number(metric, metrics, 'rotation_copy')} in the rotation copy)"
         frame, part = metric.worst(tracks["result"])
         worst = f"worst in frame {frame}" + (f", {part}" if part else "")
         cause = cause_of(metric, frame, part) if cause_of else ""
-        told = f"{value}{better if metric.worse_than_copy(metrics) else ''}, limit {limit:.3g}; {worst}"
-        yield Remark(told + (f"; cause: {cause}" if cause else ""), frame, part)
+        text = f"{value}{better if metric.worse_than_copy(metrics) else ''}, limit {limit:.3g}; {worst}"
+        yield Remark(text + (f"; cause: {cause}" if cause else ""), frame, part)
 
 
 def faults(metrics: Metrics) -> list[tuple[float, str]]:
-    """Return what is wrong with a result in words, the worst first, with how many times its limit each is: of each
-    metric above its limit what that means, and its value.
+    """Return, for each metric of a result above its limit, its ratio to the limit, and its meaning and value in words;
+    the worst first.
     """
     found = []
-    for metric, limit, value in _over(metrics):
+    for metric, limit, value in _over_limits(metrics):
         number, reason = metrics["result"][metric.key] or 0.0, metric.limit.reason if metric.limit else ""
         found.append((number / limit if limit else 1.0 + number, f"{reason} ({value})"))
     return sorted(found, reverse=True)
 
 
-def _over(metrics: Metrics) -> Iterator[tuple[Metric, float, str]]:
-    """Each metric of the result above its limit, with that, and its name, value and unit."""
+def _over_limits(metrics: Metrics) -> Iterator[tuple[Metric, float, str]]:
+    """Each metric of the result above its limit, with the limit, and its name, value and unit."""
     for metric in METRICS:
         if metric.limit and metric.over_limit(metrics):
             value = f"{metric.label} {_number(metric, metrics, 'result')} {metric.unit}".rstrip()
@@ -77,8 +77,8 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[Remark]:
-    """Yield a sentence in parts on contacts, skin, feet, other supports, floor, hips and the largest direction error;
-    and the names of the metrics over their limits, and of those within them but worse than those of copied rotations.
+    """Yield the parts of a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction
+    error; then the names of metrics over their limits, and of others that are worse than with copied rotations.
     `metrics` are those of `tracks`.
     """
     of_result = tracks["result"]

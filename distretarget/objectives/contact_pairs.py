@@ -119,7 +119,7 @@ class ContactSearch:
         D, least = least_distances(source, source, u, v, pairs.tau1[on], self.shots[around])
         kept = np.ones_like(D)
         for drop in self.drops:
-            kept[np.ix_(drop.frames[around], drop.of(a, b))] = 0.0
+            kept[np.ix_(drop.frames[around], drop.matches(a, b))] = 0.0
         arms = np.maximum(raised[:, u], raised[:, v])
         f = contact.activation(least, pairs.hanging[on], arms, self.shots[around], kept)[inside]
         f[:, pairs.passing[on]] *= (1.0 - held.standing)[:, None]

@@ -1,1 +1,1 @@
-"""One clip from source and target to a result."""
+"""Retargeting of one clip, from source and target to a result."""

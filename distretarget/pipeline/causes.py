@@ -1,4 +1,4 @@
-"""Causes of metrics over their limits: named only where the run itself shows them in that frame."""
+"""Causes of metrics over their limits, as far as the run itself shows them in that frame."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from distretarget.numerics.vectors import lengths
 from distretarget.objectives.supports import RESTS, Supports
 
 STRAIGHT = 0.99  # a limb whose end is farther than this from its top is straight [lengths of the limb]
-SUDDEN = 0.02  # a joint comes to rest or leaves its rest if its weight changes by more than this to the next frame
+SUDDEN = 0.02  # a support sets in or lets go where its weight changes by more than this to the next frame
 
-# Metrics that are off where a limb is too short, where a joint comes to rest too suddenly, where a limb is held by
-# something else, and where the bodies were aligned in poses in which nobody stands.
-OF_REACH = (
+# The keys of metrics by possible cause
+OF_REACH = (  # a limb is too short
     "skin_gap",
     "foot_skate",
     "foot_height",
@@ -28,9 +27,9 @@ OF_REACH = (
     "support_skate",
     "support_height",
 )
-OF_RESTS = ("pop", "turn")
-OF_HOLDS = ("skin_depth",)
-OF_ALIGNMENT = ("head_tilt", "palm_turn", "sole_tilt", "heading")
+OF_RESTS = ("pop", "turn")  # a joint comes to rest, or leaves its rest
+OF_HOLDS = ("skin_depth",)  # a support holds the limb
+OF_ALIGNMENT = ("head_tilt", "palm_turn", "sole_tilt", "heading")  # the bodies do not stand in the aligned poses
 
 
 @dataclass(frozen=True)
@@ -44,7 +43,7 @@ class LimbJoints:
 
 @dataclass(frozen=True, eq=False)
 class Causes:
-    """Finds the causes of faults in a result, in what the run knows."""
+    """A run, searched for the causes of faults in its result."""
 
     motion: Motion
     matching: Matching
@@ -52,8 +51,8 @@ class Causes:
     effort: Effort
 
     def of(self, metric: Metric, frame: int, part: str) -> str:
-        """Return what was found in a frame that explains a metric over its limit in a part, the key of a joint or the
-        name of a limb such as "left hand"; empty if nothing was found.
+        """Return the cause of a metric over its limit, in words; empty if none is found. `frame` and `part`, the key of
+        a joint or a name such as "left hand", are where it is over.
         """
         if metric.key == "not_converged":
             return f"the solver stopped after {self.effort.iterations[frame]} steps"
@@ -77,7 +76,7 @@ class Causes:
         return bool(lengths(x[limb.end] - x[limb.top]) >= STRAIGHT * reach)
 
     def leg_of(self, support: int) -> LimbJoints | None:
-        """The leg of a support; None if it is no foot's."""
+        """The leg of a support; None if this is not a foot joint."""
         legs = self._legs()
         return legs[support // 2] if legs and support < self.supports.feet else None
 
@@ -87,7 +86,7 @@ class Causes:
         return f"nobody can stand in the rest pose of the {' or the '.join(lie)}" if lie else ""
 
     def _of_rests(self, limb: LimbJoints, frame: int) -> str:
-        """Whether a joint of a limb comes to rest or leaves its rest at a frame, in words."""
+        """Which joint of a limb comes to rest or leaves its rest at a frame, in words; empty if none does."""
         changes = np.diff(self.supports.weights[max(frame - 1, 0) : frame + 2], axis=0)
         for support in self._supports_of(limb):
             if changes[:, support].max(initial=0.0) > SUDDEN:

@@ -1,4 +1,4 @@
-"""A clip from its file to what is written of it on a target: one way for the command line, batches and the studio."""
+"""Convert a clip from its file to the output on a target, for the command line, batches, scenes and the studio."""
 
 from __future__ import annotations
 
@@ -45,8 +45,8 @@ class Recipe:
         clip: the animation to read of files that have several; "#2" is the second.
         fps: the frame rate to sample animations at [frames/s]; their own keys by default.
         writing: how motions are put into files.
-        builds: how thick the bodies are, if other files say it than their own.
-        edits: what is cut out of each clip, and how it is mirrored, turned, sped up or made a loop.
+        builds: how thick the bodies are, if other files than their own show it.
+        edits: how each clip is cut, mirrored, turned, sped up or made a loop.
 
     Raises:
         SettingsError: a value has the wrong type.
@@ -70,21 +70,21 @@ class Recipe:
 
     @cached_property
     def settings(self) -> dict[str, object]:
-        """What decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of builds,
-        and of how clips are read and written what is not as usual.
+        """All that decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of
+        builds, and settings of reading, writing and edits that differ from their defaults.
         """
         pairs: dict[str, object] = {"map": dict(self.map_file.pairs) or None}
         if self.map_file.rest:
             pairs["rest"] = dict(self.map_file.rest.rotations)
         sides = {"source_build": self.builds.source, "target_build": self.builds.target}
         hashes = {side: build.hash for side, build in sides.items() if build is not None}
-        usual = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT), **asdict(NO_EDITS)}
+        defaults = {"clip": None, "fps": None, **asdict(DEFAULT_OUTPUT), **asdict(NO_EDITS)}
         given = {"clip": self.clip, "fps": self.fps, **asdict(self.writing), **asdict(self.edits)}
-        others = {key: value for key, value in given.items() if value != usual[key]}
-        return asdict(self.options) | pairs | hashes | others
+        changed = {key: value for key, value in given.items() if value != defaults[key]}
+        return asdict(self.options) | pairs | hashes | changed
 
     def read(self, source: InputFile) -> tuple[Motion, tuple[str, ...]]:
-        """Return the edited motion of a clip, and what of its file is left out, a line each; errors as in
+        """Return the edited motion of a clip, and a line on each thing in its file that is left out; errors as in
         `parse_motion` and `Edits.of`.
         """
         motion, lost = parse_motion(source, self.clip, self.fps)
@@ -92,12 +92,12 @@ class Recipe:
             return self.edits.of(motion), lost
 
     def name_of(self, source: InputFile) -> str:
-        """Return the name of the animation that is written of a clip."""
+        """Return the name of the animation that is written for a clip."""
         return self.clip if self.clip and not self.clip.startswith("#") else Path(source.path).stem
 
     def transfer(self, motion: Motion, source: InputFile, target: LoadedTarget, path: str | Path) -> Transfer:
-        """Return how a motion, of the file `source`, gets to a target, of the file `path`; an error names the file that
-        does not fit.
+        """Return the transfer of a motion, from the file `source`, to a target, from the file `path`; errors name the
+        file at fault.
         """
         skeleton = motion.rigid_skeleton
         pairs = joint_map(skeleton, target.for_source(skeleton), path, self.map_file)
@@ -114,9 +114,9 @@ class Converted:
     """A clip on its target.
 
     Attributes:
-        result: with the motion as its file holds it.
-        clip: what is written of it.
-        lacking: the expressions that the target lacks; None where none of them are written.
+        result: with the motion as the output file holds it.
+        clip: the clip to write.
+        lacking: the source's expressions that the target lacks; None if expressions are not written.
     """
 
     result: RetargetResult
@@ -124,7 +124,7 @@ class Converted:
     lacking: tuple[str, ...] | None = None
 
     def left_out(self, lost: Sequence[str]) -> Iterator[str]:
-        """Yield the lines that `Recipe.read` returned on what is left out, of expressions those that are in fact."""
+        """Yield the lines of `Recipe.read` on what is left out; of expressions only those that the target lacks."""
         for line in lost:
             if line != FACE_LEFT_OUT or self.lacking is None:
                 yield line
@@ -134,13 +134,13 @@ class Converted:
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """A clip that is ready to be retargeted as a recipe says, for several results that differ in contacts alone.
+    """A clip prepared for results that differ only in contacts.
 
     Attributes:
         prepared: the clip on its target.
-        source: the clip's file; its mesh says how thick the performer is, unless the recipe does.
+        source: the clip's file; its mesh shows how thick the performer is, unless the recipe has a build.
         target: the body.
-        recipe: how.
+        recipe: how to retarget and write.
     """
 
     prepared: Prepared
@@ -150,7 +150,7 @@ class Conversion:
 
     @classmethod
     def of(cls, motion: Motion, source: InputFile, target: TargetFile, recipe: Recipe) -> Conversion:
-        """Return that of a motion that `Recipe.read` returned; errors as in `prepare`, which name the file at fault."""
+        """Prepare a motion that `Recipe.read` returned; errors as in `prepare`, which name the file at fault."""
         body = target.target.for_source(motion.rigid_skeleton)
         transfer = recipe.transfer(motion, source, body, target.path)
         with in_file(source.path), with_advice(source.path, target.path):
@@ -164,12 +164,12 @@ class Conversion:
         contacts: ContactList = NO_CONTACTS,
         progress: Progress = ignore_progress,
     ) -> Converted:
-        """Return the clip with what is said of contacts, under a name.
+        """Retarget the clip with a user's contacts.
 
         Args:
-            name: of the animation.
-            kinds: of what is to be written; the first is that whose motion is measured.
-            contacts: what is said of them.
+            name: the name of the animation.
+            kinds: the kinds of outputs; the motion is measured as written to the first.
+            contacts: as in `retarget`.
             progress: as in `retarget`.
 
         Raises:
@@ -189,7 +189,7 @@ class Conversion:
         return Converted(result, replace(clip, weights=face.weights(expressions)), lacking)
 
     def _expressions(self, motion: Motion) -> dict[str, Array]:
-        """The expressions of the source, (frames,) each, by name, edited as its `motion`."""
+        """The expressions of the source, (frames,) each, by name, with the edits of its `motion`."""
         curves = find_expressions(self.source.gltf, self.recipe.clip)
 
         def values_at(times: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Edits of a clip before it is retargeted: cut out, at another speed, mirrored, turned, and as a loop."""
+"""Edits of a clip before it is retargeted: trimmed, at another speed, mirrored, turned, and as a loop."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-SAME = 1e-9  # bones whose directions differ by less are mirror images of each other
-SEAM = 0.3  # a loop is bent for so long before and after its seam, or for a third of it if that is less [s]
+SAME = 1e-9  # bones whose mirrored directions differ by less are the same
+SEAM = 0.3  # a loop is bent for this long before and after its seam, or for a third of its length if that is less [s]
 # The path of a loop closes if the body ends this near to where it began, facing about the same way.
 STAYS = 0.5  # [leg lengths]
 FACES = 45.0  # [degrees]
@@ -35,15 +35,14 @@ Time = float | str
 def mirrored(motion: Motion, across: Array | None = None) -> Motion:
     """Return a motion as in an upright mirror through the origin: each joint moves as its partner on the other side.
 
-    `across`, (3,), is the unit vector along which the world is mirrored; that to the left of the body's rest pose by
-    default.
+    `across`, (3,), is the unit vector along which the world is mirrored; by default the left of the body's rest pose.
 
-    Partners are found by the anatomy, and all others by where they are in the rest pose. What has no partner keeps its
-    rotations. On bodies whose sides differ, bones point where those of their partners do in the mirror. Mirrored twice,
-    a motion is the same.
+    Partners are found by the anatomy, and else by positions in the rest pose. A joint without one keeps its rotations.
+    On bodies whose sides differ, bones have the mirrored directions of their partners. Mirrored twice, a motion is the
+    same.
 
     Raises:
-        MotionError: no human body is recognised, so that nothing shows what is left.
+        MotionError: no human body is recognised, so that left and right are unknown.
     """
     body, skeleton = Body.of_motion(motion), motion.skeleton
     if not len(motion):
@@ -108,7 +107,7 @@ def find_partners(skeleton: Skeleton, roles: Mapping[str, int], reflection: Arra
 
 
 def _roles(body: Body, skeleton: Skeleton) -> dict[str, int]:
-    """The joints of a skeleton by the roles that they play in the body that it has."""
+    """The joints of a skeleton, by their roles in its body."""
     numbers = {key: joint for joint, key in enumerate(skeleton.keys)}
     return {role: numbers[body.skeleton.keys[joint]] for role, joint in body.roles.items()}
 
@@ -122,8 +121,8 @@ def _other_side(role: str) -> str:
 
 
 def _left(skeleton: Skeleton, roles: Mapping[str, int]) -> Array:
-    """(3,), the unit vector to the left of a body in its rest pose, by all that it has on both sides; a MotionError if
-    that is nothing.
+    """(3,), the unit vector to the left of a body in its rest pose, by its paired joints; a MotionError if there are
+    none.
     """
     rest, across = skeleton.rest_positions, np.zeros(3)
     for role, joint in roles.items():
@@ -141,9 +140,7 @@ def _reflection(normal: Array) -> Array:
 
 
 def _to_partner(skeleton: Skeleton, joint: int, partners: Numbers, reflection: Array) -> Array:
-    """(3, 3), the rotation of a joint in the rest pose that brings its bones to where those of its partner are in the
-    mirror.
-    """
+    """(3, 3), the rotation of a joint in the rest pose that turns its bones to the mirrored ones of its partner."""
     below = [child for child in skeleton.children[joint] if partners[child] >= 0]
     own = normalised(skeleton.offsets[below])
     goal = normalised(skeleton.offsets[partners[below]]) @ reflection
@@ -158,8 +155,8 @@ class Edits:
     """Edits of a clip, in the order in which they are made.
 
     Attributes:
-        start: of what is cut out; None for that of the clip.
-        end: the same.
+        start: the start of the part that is kept; None for that of the clip.
+        end: the end of this part, likewise.
         speed: how many times as fast it is.
         mirror: whether left and right are exchanged.
         turn: to the left about the vertical through the origin [degrees].
@@ -192,8 +189,8 @@ class Edits:
         return self.together([motion])[0]
 
     def together(self, performers: Sequence[Motion], props: Sequence[Motion] = ()) -> list[Motion]:
-        """Return the edited motions of performers, and of props after them, in one world: mirrored, turned and carried
-        from round to round as the first performer. Props of one frame only turn.
+        """Return the edited motions of performers, then of props, in one world: all are mirrored and turned like the
+        first performer, and their loops have its `carry`. Props of one frame are only turned.
 
         Raises:
             SettingsError: props are to be mirrored, which have no left and right.
@@ -222,8 +219,8 @@ class Edits:
         return motions
 
     def of_values(self, values_at: Callable[[Array], Array], frames: int, frame_time: float) -> Array:
-        """Return values, (frames, n), beside an edited motion of so many frames; `values_at` returns those at times of
-        the clip before, (frames,) [s]. Sides and turns do not matter to them.
+        """Return values, (frames, n), along an edited motion with this number of frames; `values_at` returns values at
+        times of the original clip, (frames,) [s]. Mirroring and turning do not change values.
         """
         first = 0 if self.start is None else _first_frame(_seconds("start", self.start, frame_time), frame_time)
         values = values_at(frame_time * (first + self.speed * np.arange(frames, dtype=float)))
@@ -237,11 +234,11 @@ NO_EDITS = Edits()
 
 
 def trimmed(motion: Motion, start: Time | None = None, end: Time | None = None) -> Motion:
-    """Return the frames of a motion from one time to another, both of them included; None for its own.
+    """Return the frames of a motion from `start` to `end`, both included; None for its own.
 
     Raises:
         MotionError: it has no frame there.
-        SettingsError: a time is none.
+        SettingsError: `start` or `end` is no time.
     """
     if start is None and end is None:
         return motion
@@ -295,10 +292,9 @@ Carry = tuple[Rotation, Array]
 
 def looped(motion: Motion, carry: Carry | None = None) -> Motion:
     """Return a motion whose last frame leads to its first without a jump: poses and speeds about the seam are bent to
-    what is between them.
+    the means of both sides.
 
-    The path along the floor and the heading go on from round to round by the `carry` of another motion, or by its own,
-    unless the body ends about where it began.
+    From round to round the body is moved and turned by `carry`, that of another motion or by default its own.
 
     Raises:
         MotionError: it has under four frames.
@@ -334,10 +330,10 @@ def _seam(frames: int, frame_time: float) -> int:
 
 
 def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
-    """(frames, n), by how much to bend values so that from the last frame to the next round there is one usual step.
+    """(frames, n), offsets that make the step from the last frame to the next round the mean of the steps around it.
 
-    `off`, (n,), leads from the last frame to the first of the next round, and `speeds`, (2, n), are the steps before
-    and after. Each side takes half of what is too much, and half of the change of speed, and both fade smoothly.
+    `off`, (n,), is the step from the last frame to the first of the next round, and `speeds`, (2, n), are the steps
+    before and after. Each side takes half of the surplus, and half of the change of speed, and both fade smoothly.
     """
     usual = speeds.mean(axis=0)
     gap, jump = 0.5 * (off - usual), 0.5 * (speeds[1] - speeds[0])
@@ -352,7 +348,7 @@ def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
 
 
 def carry_of(motion: Motion) -> Carry:
-    """Return what carries one round of a motion to the next; nothing does if it ends about where it began."""
+    """Return the carry of a motion to its next round; none if it ends about where and how it began."""
     body = Body.of_motion(motion)
     up = body.up_vector
     first, last = (Rotation.from_quat(motion.rotations[frame, 0]) for frame in (0, -1))

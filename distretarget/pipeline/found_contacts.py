@@ -1,4 +1,4 @@
-"""The contacts that are found in a clip, as entries that can be read, edited and given back."""
+"""The contacts that are found in a clip, as entries of a contact file that a user can edit."""
 
 from __future__ import annotations
 
@@ -33,9 +33,9 @@ from distretarget.skin.balls import segment_gaps
 from distretarget.target import AnyTarget, SkeletonEdit, Target
 
 LISTED = 0.5  # a contact whose activation never reaches this is not listed
-TOUCHING = 1.0  # skins that are nearer than this touch [cm]
-FAR_APART = 0.3  # skins that are farther apart are not measured [body units]
-SHORTEST = 0.1  # spans that last less are not listed [s]
+TOUCHING = 1.0  # skins with a smaller gap touch [cm]
+FAR_APART = 0.3  # larger gaps are not measured [body units]
+SHORTEST = 0.1  # shorter spans are not listed [s]
 
 
 def find_contacts(
@@ -47,7 +47,7 @@ def find_contacts(
 ) -> ContactList:
     """Return the contacts that `retarget` finds in a motion: parts of the body that touch, and parts that rest.
 
-    Each entry keeps what was found, and so changes nothing until it is edited.
+    Each entry keeps the contact as it is found, and so changes nothing until it is edited.
 
     Args:
         motion: the source.
@@ -75,7 +75,7 @@ def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> Contac
 
 @dataclass(frozen=True)
 class MarkedContact:
-    """A contact of a clip: found, or dropped or added by the user; its entry is as in a contact file, with frames."""
+    """A contact of a clip, as an entry with frames: found, or dropped or added by the user."""
 
     entry: Entry
     mark: Literal["found", "dropped", "added"]
@@ -87,7 +87,7 @@ def contacts_of(baseline: Baseline) -> ContactList:
 
 
 def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedContact, ...]:
-    """Return what was found in the source of a result, and what the user dropped and added, by their first frames."""
+    """Return contacts found in the source of a result, and those that the user dropped and added, by first frame."""
     clip = Clip.of(result.matching, RootScale.even(result.root_scale))
     entries = [(entry, frames_of(result.contact_list, clip, entry)) for entry in result.contact_list if entry.acts]
     marked = []
@@ -97,25 +97,25 @@ def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedC
     for entry in found:
         on = np.zeros(len(clip), bool)
         on[slice(int(entry.frames[0]), int(entry.frames[1]) + 1) if entry.frames else slice(None)] = True
-        gone = on & np.any([~on & on, *(at for each, at in entries if _lets_go(each, entry))], axis=0)
-        marked += [MarkedContact(each, "dropped") for each in _spans(entry, gone)]
-        marked += [MarkedContact(each, "found") for each in _spans(entry, on & ~gone)]
+        dropped = on & np.any([~on & on, *(at for each, at in entries if _drops(each, entry))], axis=0)
+        marked += [MarkedContact(each, "dropped") for each in _spans(entry, dropped)]
+        marked += [MarkedContact(each, "found") for each in _spans(entry, on & ~dropped)]
     return tuple(sorted(marked, key=lambda each: each.entry.frames or (0, 0)))
 
 
-def _lets_go(entry: Entry, found: Entry) -> bool:
-    """Whether an entry of the user drops what was found."""
+def _drops(entry: Entry, found: Entry) -> bool:
+    """Whether an entry of the user drops a found contact."""
     return type(entry) is type(found) and entry.parts == found.parts and not getattr(entry, "keep", True)
 
 
 def _spans(entry: Entry, on: NDArray[np.bool_]) -> Iterator[Entry]:
-    """An entry for each span of frames."""
+    """Copies of an entry, one for each span of the frames `on`."""
     for first, end in spans_of(on).tolist():
         yield replace(entry, frames=(first, end - 1), seconds=None)
 
 
 def _touching(matching: Matching, clip: Clip, supports: Supports, settings: ContactSettings) -> Iterator[Entry]:
-    """The spans in which each two regions touch."""
+    """Entries for the spans in which two regions touch."""
     names, of_joint = clip.regions.names, clip.regions.of_joint
     contacts = ContactSearch.of(clip, replace(settings, blend=0.0))
     f = {pair: np.zeros(len(clip)) for pair in combinations(range(len(names)), 2)}
@@ -134,7 +134,7 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
 
 
 class _SkinGaps:
-    """The gaps between the skins of an average body with the source's bones."""
+    """The gaps between skins of an average body with the source's bones."""
 
     def __init__(self, matching: Matching, clip: Clip) -> None:
         body, self.source = matching.source, clip.source
@@ -144,11 +144,11 @@ class _SkinGaps:
             int(self.skin.of_joint[driver]): clip.regions.of_joint[joint]
             for joint, driver in enumerate(matching.drivers)
             if self.skin and driver >= 0 and self.skin.of_joint[driver] >= 0
-        }  # by the numbers of capsules
+        }  # by segment
         self.cm = centimetres(body.unit) * body.unit
 
     def of(self, a: int, b: int, frames: NDArray[np.intp]) -> str:
-        """How far apart two regions are in some frames, in words; empty where that is not known."""
+        """The median gap of two regions over some frames, in words; empty if it is not known."""
         pairs = self.skin.balls.pairs.tolist() if self.skin else []
         on = [column for column, pair in enumerate(pairs) if {self.regions.get(one) for one in pair} == {a, b}]
         if not self.skin or not on:
@@ -159,7 +159,7 @@ class _SkinGaps:
 
 
 def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:
-    """The spans in which each region rests on the world."""
+    """Entries for the spans in which a region rests on the world."""
     rests: NDArray[np.bool_] = np.asarray(supports.weights >= RESTS)
     for region in np.unique(supports.regions).tolist():
         for first, end in spans_of(np.asarray(rests[:, supports.regions == region].any(axis=1))).tolist():

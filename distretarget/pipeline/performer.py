@@ -1,4 +1,4 @@
-"""Performer: one source and its target, from the match of the two to the result of the solved poses."""
+"""A performer: a source and its target, from the match of the two to the result of the solved poses."""
 
 from __future__ import annotations
 
@@ -56,26 +56,26 @@ class Match:
     world: World  # from the source's world to the target's
     matching: Matching  # which source joint drives which target joint
     skins: Skins | None = None  # their surfaces; None for stick figures
-    mesh: SkinnedMesh | None = None  # of the target; None where its thickness is not that of a mesh
-    source_mesh: SkinnedMesh | None = None  # of the source, if its own file shows one
-    skeleton: Skeleton | None = None  # of the target's file, where feet or hands do not hang in it as on its body
-    hips: Way | None = None  # from the target's hips in its file to those of its body, where these are elsewhere
+    mesh: SkinnedMesh | None = None  # of the target; None if its thickness is not that of a mesh
+    source_mesh: SkinnedMesh | None = None  # of the source, if its own file has one
+    skeleton: Skeleton | None = None  # of the target's file, if its parents are others than those of the target's body
+    hips: Way | None = None  # from the hips of the target's file to those of its body; None where they are the same
 
     def in_file(self, motion: Motion) -> Motion:
-        """Return a motion of the target's body as its file has the joints."""
+        """Return a motion of the target's body on the skeleton of its file."""
         skeleton = self.skeleton
         motion = self.hips.back.motion(motion) if self.hips else motion
         return Tree(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
 
     @cached_property
     def undersides(self) -> Undersides | None:
-        """What source and target rest on; None for stick figures."""
+        """The undersides of source and target, on which they rest; None for stick figures."""
         both = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
         return Undersides.of(self.matching, both, self.mesh) if both else None
 
     @cached_property
     def anchored_skin(self) -> AnchoredSkin:
-        """The skin of the target on which anchors are found; an average one of a stick figure."""
+        """The skin of the target for anchors; that of an average body for a stick figure."""
         capsules = self.skins.target.capsules if self.skins else None
         return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
 
@@ -104,7 +104,7 @@ class Match:
 
 @dataclass(frozen=True, eq=False)
 class Transfer:
-    """What of the parameters of `retarget` decides how a source is matched to its target."""
+    """The parameters of `retarget` that decide how a source is matched to its target."""
 
     source: Motion
     target: AnyTarget
@@ -115,7 +115,7 @@ class Transfer:
 
     @property
     def loaded(self) -> LoadedTarget:
-        """The target as `load_target` returns it, whatever form it was given in."""
+        """The target as `load_target` returns it."""
         match self.target:
             case Motion():
                 return Target(self.target.rigid_skeleton, {}, "", self.target)
@@ -137,17 +137,16 @@ def match_performer(transfer: Transfer) -> Match:
     _check(source, goal.skeleton)
     pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
-    of_source = at_thighs(Body.of_motion(without_twins(source, named)))
-    of_source = of_source if rest is None else of_source.standing_as(without_twins(rest, named))
-    of_target = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
-    hips = way_to_thighs(of_target)
-    if hips and not hips.joint and goal.mesh():  # a mesh is where it is from its root
+    source_body = at_thighs(Body.of_motion(without_twins(source, named)))
+    source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
+    body = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
+    hips = way_to_thighs(body)
+    if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
         hips = None
-    of_target = at_thighs(of_target) if hips else of_target
+    body = at_thighs(body) if hips else body
     ups = {"source_up": options.source_up, "target_up": options.target_up}
-    world = find_world(of_source, of_target, **ups, root_offset=options.root_offset)
-    on_target = straightened(world.to_target_axes(of_source), of_target)
-    matching = match(on_target, of_target.with_up(world.up), pairs)
+    world = find_world(source_body, body, **ups, root_offset=options.root_offset)
+    matching = match(straightened(world.to_target_axes(source_body), body), body.with_up(world.up), pairs)
     has_skin = options.objective != "paper" and options.skin != "none"
     mesh = _bare(goal) if has_skin and not builds.target else None
     source_build = builds.source or (_build_of_rig(matching, goal, mesh, transfer) if has_skin else None)
@@ -156,15 +155,15 @@ def match_performer(transfer: Transfer) -> Match:
     source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
     matching = matching.on_mesh_soles(mesh)
-    hangs_otherwise = (of_target.skeleton.parents != goal.skeleton.parents).any()
-    found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if hangs_otherwise else None, hips)
+    other_parents = (body.skeleton.parents != goal.skeleton.parents).any()
+    found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if other_parents else None, hips)
     if found.undersides is not None and found.undersides.feet_have_mesh:
         return replace(found, matching=matching.on_resting_soles)
     return found
 
 
 def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, transfer: Transfer) -> Build | None:
-    """The build of a source that is the rig of its target, which is as thick, with its mesh; else None."""
+    """The build of the target, with its mesh, for a source that is the same rig and so as thick; else None."""
     own = goal.is_measured and transfer.builds.target is None and transfer.options.skin != "average"
     if not own or not matching.is_one_rig or matching.target.anatomy is None:
         return None
@@ -172,8 +171,8 @@ def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, tr
 
 
 def _find_skins(matching: Matching, goal: Target, source_build: Build | None, transfer: Transfer) -> Skins | None:
-    """The skins of a source and its target, which has the source's build where it is the source's skeleton with other
-    lengths; None where either has no capsules, or the target's thickness is neither known nor an average one.
+    """The skins of a source and its target; None if either has no capsules, or the target's thickness is neither known
+    nor to be an average one. A target that is the source's skeleton with other lengths has the source's build.
     """
     builds, average = transfer.builds, transfer.options.skin == "average"
     build = builds.target or (builds.source if isinstance(transfer.target, SkeletonEdit) else None)
@@ -200,17 +199,17 @@ def target_capsules(target: Target) -> Capsules:
 
 @dataclass(frozen=True, eq=False)
 class Performer:
-    """A matched source and target with everything that the solvers need, and that turns their poses into a result."""
+    """A matched source and target, with the inputs of the solvers; it turns their poses into a result."""
 
     match: Match  # source and target
     engine_root: EngineRoot  # the target's root on the floor, if it has one
-    clip: Clip  # the clip as the solvers take it
-    baseline: Baseline  # what its results are measured against
+    clip: Clip  # the clip for the solvers
+    baseline: Baseline  # against which its results are measured
     supports: Supports  # the joints that rest on the world
     settings: ContactSettings  # of the contact objective
 
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
-        """Return the performer with the supports found in the source, and with its root moved to suit them."""
+        """Return the performer with the supports found in the source, and its root path adapted to them."""
         undersides = self.match.undersides
         clip = self.clip if options.supports == "free" else with_low_heels(self.clip, undersides)
         feet = find_foot_lock(clip, undersides)
@@ -232,22 +231,22 @@ class Performer:
         return replace(self, clip=clip, supports=supports, settings=settings)
 
     def posed(self, poses: Poses) -> Motion:
-        """Return the motion of the poses, before skin is kept apart and the root on the floor is placed."""
+        """Return the motion of the poses, before limbs are bent by skin and a root on the floor is placed."""
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def with_own_skin(
-        self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None, alone: Array | None = None
+        self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None, own_contacts: Array | None = None
     ) -> Motion:
-        """Return a motion with its limbs bent as the performer's skin asks, and as a user does, as `with_skin`; the
-        same motion without skin.
+        """Return a motion with its limbs bent out of the performer's own skin, and as far as `reach` asks; without skin
+        the same motion. `own_contacts`, (frames, limbs), weigh contacts with its own body; see `with_skin`.
         """
         if skins := self.match.skins:
-            return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted, alone)
+            return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted, own_contacts)
         return posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
-        """Return the result of the poses, with the paper's solved points where there are any; `posed` is its motion
-        where that is not only bent as the performer's own skin asks.
+        """Return the result of the poses, with the paper's solved points if there are any. `posed` is its motion; by
+        default that of the poses with limbs bent by the performer's own skin.
 
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
@@ -259,7 +258,7 @@ class Performer:
         motion = self.match.in_file(placed)
         check_finite(motion)
         check_places(posed, self.clip)
-        for each in (motion, self.baseline.rotation_copy):  # what is written needs no positions
+        for each in (motion, self.baseline.rotation_copy):  # frees memory, as writing takes no positions
             each.forget()
         return RetargetResult(
             baseline=self.baseline,
@@ -272,7 +271,7 @@ class Performer:
         )
 
     def _as_channels_allow(self, posed: Motion) -> Motion:
-        """The motion, or the closest one that joints with fewer than three rotation channels can write."""
+        """The motion, or the closest one for joints with fewer than three rotation channels."""
         joints = range(len(posed.skeleton))
         if not any(_lacks_channels(posed, joint) for joint in joints):
             return posed
@@ -296,7 +295,7 @@ def _check(source: Motion, target: Skeleton) -> None:
 
 
 def _lacks_channels(motion: Motion, joint: int) -> bool:
-    """Whether a joint may need rotations that its channels, two or fewer, cannot write."""
+    """Whether a joint may need rotations for which it has too few channels."""
     axes = motion.skeleton.rotation_axes(joint)
     if axes or not motion.skeleton.children[joint]:
         return 0 < len(axes) < 3

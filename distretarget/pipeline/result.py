@@ -39,19 +39,19 @@ from distretarget.rig import found_once
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-COMPARED = 10  # to compare a joint takes as long as to place this many
-TURNS = 15.0  # a body that should turn by more than this, and cannot, is worth a warning [degrees]
-REACH = 0.025  # a resting joint is seen to be off its place from 5 % of a leg on, half a shoe's width [body units]
-JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # those that flag frames
+COMPARED = 10  # time to measure a joint over that of its forward kinematics
+TURNS = 15.0  # there is a warning if a body should turn by more than this and cannot [degrees]
+REACH = 0.025  # a resting joint is seen to miss its place from 5 % of a leg on, half a shoe's width [body units]
+JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # the metrics that flag frames
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Baseline:
-    """A source and its rotation copy, with the fields of these names of a `RetargetResult`."""
+    """A source and its rotation copy; attributes are as in `RetargetResult`."""
 
     source: Motion
     rotation_copy: Motion
-    rise: float  # of the source, so that it stands on the floor that the target stands on [source file units]
+    rise: float  # of the source, to the floor on which the target stands [source file units]
     matching: Matching
     world: World
     distances: DistanceProblem
@@ -61,12 +61,12 @@ class Baseline:
 
     @cached_property
     def reference(self) -> Reference:
-        """The source as motions are measured against it: on their floor."""
+        """The source, raised to the target's floor, as the reference of measurements."""
         source, target, up = self.matching.source, self.matching.target, self.world.up_vector
         skins, surface = None, None
         if self.skins:
-            of_target = _skin_of(target, self.skins.target.capsules, self.mesh)
-            skins = _skin_of(source, self.skins.source.capsules, self.source_mesh), of_target
+            target_skin = _skin_of(target, self.skins.target.capsules, self.mesh)
+            skins = _skin_of(source, self.skins.source.capsules, self.source_mesh), target_skin
             surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
         return Reference(self.source.moved(self.rise * up), self.matching, up, skins, surface)
 
@@ -76,9 +76,9 @@ class Baseline:
         return self.compared(self.reference)
 
     def compared(self, reference: Reference) -> Comparison:
-        """Return the rotation copy measured against a source, frame by frame."""
+        """Return the rotation copy measured against a reference, frame by frame."""
         comparison = reference.compare(self.on_body(self.rotation_copy))
-        self.stress  # noqa: B018 - by these positions
+        self.stress  # noqa: B018 - while its positions are known
         self.rotation_copy.forget()
         return comparison
 
@@ -97,10 +97,10 @@ class Baseline:
         return (self.distances.body_size / self.matching.target.height) ** 2
 
     def on_body(self, motion: Motion) -> Motion:
-        """Return a motion of the target's file by the joints of its body, where feet and hands may hang otherwise."""
+        """Return a motion of the target's file on the skeleton of its body, the inverse of `Match.in_file`."""
         own = self.matching.target.skeleton
-        hung = (motion.skeleton.parents != own.parents).any()
-        motion = Tree(own, np.arange(len(own))).motion(motion) if hung else motion
+        other_parents = (motion.skeleton.parents != own.parents).any()
+        motion = Tree(own, np.arange(len(own))).motion(motion) if other_parents else motion
         way = way_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
         return way.motion(motion) if way else motion
 
@@ -123,8 +123,8 @@ class RetargetResult:
             objective.
         postures: the paper's solved points; None for the contact objective.
         contact_list: the entries of the contact file that it was made with.
-        unmet: which of these are met in part only.
-        drops: contacts that these drop or replace, which nothing is measured by.
+        unmet: remarks on entries that are not fully met.
+        drops: contacts that entries drop or replace; measurements leave them out.
     """
 
     baseline: Baseline
@@ -177,7 +177,7 @@ class RetargetResult:
 
     @property
     def mesh(self) -> SkinnedMesh | None:
-        """The mesh of the target, by which the metrics of skin are measured; None to measure them by its surface."""
+        """The target's mesh for the metrics of skin; None if these are measured by capsules."""
         return self.baseline.mesh
 
     @property
@@ -192,12 +192,12 @@ class RetargetResult:
 
     @cached_property
     def written_stress(self) -> Array:
-        """(frames,), the same of `motion`."""
+        """(frames,), the stress of `motion`."""
         return self.baseline.stress_of(self.motion)
 
     @property
     def free_stress(self) -> Array | None:
-        """(frames,), the same of the solved points; None without them."""
+        """(frames,), the stress of the paper's solved points; None without them."""
         return None if self.postures is None else self.baseline.relative * self.postures.stress
 
     @property
@@ -219,13 +219,13 @@ class RetargetResult:
 
     def _compared(self, reference: Reference) -> Comparison:
         comparison = reference.compare(self.baseline.on_body(self.motion))
-        self.written_stress  # noqa: B018 - by these positions
+        self.written_stress  # noqa: B018 - while its positions are known
         self.motion.forget()
         return comparison
 
     @cached_property
     def tracks(self) -> dict[Variant, Tracks]:
-        """The values per frame from which the metrics of source, rotation copy and result are made."""
+        """The tracks of the metrics of source, rotation copy and result."""
         comparison, baseline = self._comparisons
         return {
             "source": comparison.source_tracks,
@@ -235,16 +235,16 @@ class RetargetResult:
 
     @cached_property
     def run_tracks(self) -> Tracks:
-        """The values per frame that only a run knows: against the rotation copy, and frames that did not converge."""
+        """The tracks that only a run has: against the rotation copy, and frames that did not converge."""
         not_converged = np.zeros(len(self.motion))
         not_converged[self.effort.not_converged] = 1.0
         body, (of_result, of_copy) = self.matching.target, self._comparisons
-        asked = np.any([np.zeros(len(self.motion), bool), *(drop.frames for drop in self.drops)], axis=0)
+        free = np.any([np.zeros(len(self.motion), bool), *(drop.frames for drop in self.drops)], axis=0)
         motions = self.baseline.on_body(self.rotation_copy), self.baseline.on_body(self.motion)
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
-            "needless": find_needless(*motions, body, of_copy, of_result, asked),
+            "needless": find_needless(*motions, body, of_copy, of_result, free),
             "shaking": Track(find_shaking(*motions, body, shots), parts=keys),
             "pop": Track(find_pops(*motions, body, shots), parts=keys),
             "not_converged": Track(not_converged),
@@ -252,26 +252,26 @@ class RetargetResult:
 
     @cached_property
     def metrics(self) -> dict[Variant, dict[str, float | None]]:
-        """The metrics of the whole clip, by key (`measure.metrics.METRICS`), of source, rotation copy and
-        result; None where there was nothing to measure.
+        """The metrics of the whole clip, by key (`measure.metrics.METRICS`), of source, rotation copy and result; None
+        where nothing was measured.
         """
         return {side: clip_metrics(tracks) for side, tracks in self.tracks.items()}
 
     @property
     def verdict(self) -> str:
-        """What was kept and what changed, in a plain sentence, with the names of metrics over their limits; of a body
-        that cannot turn only that.
+        """What was kept and what changed, in a sentence, with the names of metrics over their limits; for a body that
+        cannot turn only that.
         """
         return "".join(self.remarks)
 
     @cached_property
     def remarks(self) -> tuple[Remark, ...]:
-        """The verdict in parts, each with the frame and the part of the body where it is to be seen."""
+        """The verdict in parts, each with its frame and part of the body."""
         lost = [Remark(f"T{line[1:]}.") for line in self._lost_turn()]
-        told = lost or [*verdict(self.metrics, self.tracks)]
+        parts = lost or [*verdict(self.metrics, self.tracks)]
         for number, line in enumerate(self.unmet):
-            told += [Remark("; " if number else " Constraints met in part: "), line]
-        return (*told, *[Remark(".")] * bool(self.unmet))
+            parts += [Remark("; " if number else " Constraints met in part: "), line]
+        return (*parts, *[Remark(".")] * bool(self.unmet))
 
     @property
     def labels(self) -> dict[str, NDArray[Any]]:
@@ -304,9 +304,8 @@ class RetargetResult:
 
     @property
     def warnings(self) -> tuple[Remark, ...]:
-        """Warnings, one line each: what is odd in the bodies first, since it explains the others: metrics over their
-        limits, and resting joints that do not reach their places. These are left out where the body cannot turn: they
-        only follow from it.
+        """Warnings, one line each: first on faults of the two bodies, then on metrics over their limits and resting
+        joints that miss their places. The latter are left out if the body cannot turn, which explains them.
         """
         lost_turn = (*self._lost_turn(),)
         odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides())

@@ -23,7 +23,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.constraints import Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.paper import find_distances, solve_paper
-from distretarget.pipeline.constrained_motion import Unconstrained, constrained_result, dropping, layered, let_go, unmet
+from distretarget.pipeline.constrained_motion import Unconstrained, blended_in, constrained_result, unmet, without_drops
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.performer import Performer, Transfer, match_performer
 from distretarget.pipeline.result import RetargetResult
@@ -56,11 +56,11 @@ def retarget(
             target file's map. All other joints are matched by names or by shape.
         rest: a motion of the source's joints in whose first frame the body stands, in T-pose, A-pose or with arms down,
             for a source whose rest pose does not show it (`docs/rigs.md`).
-        builds: how thick the bodies are, if another file says it than their own (`load_build`). A source that is the
-            target's rig is as thick as the target otherwise, and another one an average body of its age.
+        builds: how thick the bodies are, if another file than their own shows it (`load_build`). By default a source
+            that is the target's rig is as thick as the target, and any other an average body of its age.
         settings: of the contact objective; the paper's objective has none.
-        contacts: which contacts to keep, drop, make or change, what to plant, and which distances and directions to
-            keep (`load_contacts`, `find_contacts`); what it does not mention stays as found.
+        contacts: which contacts to keep, drop, make or change, which parts to plant, and which distances and directions
+            to keep (`load_contacts`, `find_contacts`); all others are kept as found.
         mapper: solves the chunks of a long clip: `map`, the `map` of an executor, or by default one thread per core.
             The result is the same. The paper's objective has no chunks.
         progress: called with the number of frames solved since the last call.
@@ -91,10 +91,10 @@ def retarget(
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A clip on its target with all that does not depend on user constraints, for several results of it.
+    """A clip on its target, with all that does not depend on user constraints, for several results.
 
     Attributes:
-        performer: source and target, with what rests in the source.
+        performer: source and target, with the supports of the source.
         options: as in `retarget`.
         unconstrained: its solution without user constraints; None until it is `once_solved`.
     """
@@ -112,10 +112,10 @@ class Prepared:
         constraints = Constraints.of(contacts, performer.clip, performer.match.anchored_skin, blend)
         if self.options.objective == "paper":
             return _by_paper(performer, contacts, constraints, progress)
-        free = dropping(performer, constraints.drops)
+        free = without_drops(performer, constraints.drops)
         if free is performer or performer.match.skins:
             unconstrained = self.unconstrained or _unconstrained(performer, mapper, progress)
-            unconstrained = let_go(free, unconstrained, constraints.drops, mapper)
+            unconstrained = unconstrained.without(constraints.drops, free, mapper)
         else:  # springs take so little time that all frames are solved again
             unconstrained = _unconstrained(free, mapper, progress)
         if not constraints.made:
@@ -123,7 +123,7 @@ class Prepared:
         return replace(constrained_result(free, unconstrained, constraints, mapper), contact_list=contacts)
 
     def once_solved(self, progress: Progress = ignore_progress) -> Prepared:
-        """Return the same, solved without user constraints, as far as the objective has use for it."""
+        """Return it with `unconstrained` solved, unless the objective is the paper's."""
         if self.options.objective == "paper":
             return self
         return replace(self, unconstrained=_unconstrained(self.performer, in_threads, progress))
@@ -136,7 +136,7 @@ def _unconstrained(performer: Performer, mapper: Mapper, progress: Progress) -> 
 
 
 def prepare(transfer: Transfer, settings: ContactSettings = DEFAULT_SETTINGS) -> Prepared:
-    """Match a clip to its target, and find what rests; errors as in `retarget`."""
+    """Match a clip to its target, and find its supports; errors as in `retarget`."""
     options, match = transfer.options, match_performer(transfer)
     match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
@@ -154,14 +154,14 @@ def _by_paper(
     if distances is None:
         return performer.result(poses, postures)
     held, postures = solve_paper(performer.clip, set_by_user=distances)
-    posed = layered([constraints], performer.posed(poses), performer.posed(held))
+    posed = blended_in([constraints], performer.posed(poses), performer.posed(held))
     result = performer.result(held, postures, posed=posed)
     return replace(result, contact_list=contacts, unmet=tuple(unmet(performer, constraints, posed)))
 
 
 @contextmanager
 def with_advice(source: str | Path, target: str | Path) -> Iterator[None]:
-    """A MatchingError within names the file at fault, and advises to write a map, with the command for it."""
+    """Make a MatchingError within name the file at fault, and advise to write a map, with the command for it."""
     try:
         yield
     except MatchingError as error:

@@ -1,4 +1,4 @@
-"""What moves in a player: motions and bodies as JSON values with packed arrays.
+"""The actors of a player: motions and bodies as JSON values with packed arrays.
 
 In a page y is up, the floor is at height 0, and lengths are in units that the page chooses. World rotations are 16-bit
 numbers and bones are exact, so that no error adds up along a chain of joints: joints are off by less than 0.1 mm on a
@@ -32,15 +32,15 @@ from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 Quaternion = tuple[float, ...]
 Role = Literal["source", "copy", "result", "other", "prop"]
 
-BUDGET = 8_000_000  # most characters for the rotations of all actors; of longer clips some frames are shown
+BUDGET = 8_000_000  # most characters for the rotations of all actors; longer clips are shown with fewer frames
 IMAGES = 4_000_000  # most bytes for the images of a character
 MEDIA = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg", b"RIFF": "image/webp"}  # images by how they begin
 FLOOR_FRAMES = 48  # frames from which the height of the floor is found
-FLOOR_PERCENTILE = 10.0  # percentile of the lowest heights of the skin that is the height of the floor [%]
+FLOOR_PERCENTILE = 10.0  # the floor is at this percentile of the lowest heights of the skin in these frames [%]
 STICK = 0.009  # radius of bones without skin [body units]
 STILL = 1e-7  # joints whose rotations relative to their parents change by less do not turn [quaternions]
 HASH = 32  # digits of a hash
-ENDS = ("leftHand", "rightHand", "leftFoot", "rightFoot")  # whose paths can be shown
+ENDS = ("leftHand", "rightHand", "leftFoot", "rightFoot")  # roles of joints whose paths can be shown
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -48,19 +48,19 @@ class Actor:
     """A body, or a prop, in motion."""
 
     name: str  # of the file or the performer
-    side: int  # the number of the view that it is in
-    role: Role  # what it is, which chooses its colour
+    side: int  # the number of its view
+    role: Role  # decides its colour
     motion: Motion
-    body: Body | None  # whose motion it is; None for a prop
-    capsules: Capsules | None  # its surface, as this or the mesh; without either its bones are drawn
+    body: Body | None  # the body in motion; None for a prop
+    capsules: Capsules | None  # its surface, if it has no mesh; without either its bones are drawn
     mesh: SkinnedMesh | None
     turn: Rotation  # from the axes of the file to those of the page
-    unit: float  # the length that the page counts in [file units]
+    unit: float  # the unit of length of the page [file units]
     floor: float  # the height of the floor, along the axis that points up [file units]
 
 
 def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | None, up: Array) -> float:
-    """Return the height of the floor under a motion: that of its skin where that is lowest [file units]."""
+    """Return the height of the floor under a motion, by the lowest points of its skin [file units]."""
     some = motion[np.unique(np.linspace(0, len(motion) - 1, FLOOR_FRAMES).astype(np.intp))]
     if mesh is not None:
         heights = mesh.heights(some, up)
@@ -72,7 +72,7 @@ def lowest_skin(motion: Motion, capsules: Capsules | None, mesh: SkinnedMesh | N
 
 
 def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:
-    """Return the actors of a page as `actors_data`, with as many frames as fit in a budget."""
+    """Return the actors of a page as `actors_data`, with as many frames as the budget allows."""
     data, step = actors_data(actors, 1), 1
     while (size := sum(len(actor["rotations"]) for actor in data["actors"])) > budget:
         step *= -(-size // budget)
@@ -81,7 +81,7 @@ def thinned(actors: Sequence[Actor], budget: int = BUDGET) -> dict[str, Any]:
 
 
 def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
-    """Return the actors of a page, and their bodies, each once and with a hash; one frame in `step` is in it."""
+    """Return the actors of a page, with one frame in `step`, and their bodies, each once; all have hashes."""
     bodies: list[dict[str, Any]] = []
     known: dict[tuple[int, bytes, bytes, float], int] = {}
     data = []
@@ -96,7 +96,7 @@ def actors_data(actors: Sequence[Actor], step: int) -> dict[str, Any]:
 
 
 def without_known(data: Mapping[str, Any], hashes: Collection[str]) -> dict[str, Any]:
-    """Return what a player shows with only the hashes of the actors and bodies that it has."""
+    """Return the data of a player with hashes in place of actors and bodies that it has already."""
     short = {key: [one["hash"] if one["hash"] in hashes else one for one in data[key]] for key in ("actors", "bodies")}
     return {**data, **short}
 
@@ -130,7 +130,7 @@ def _actor_data(actor: Actor, step: int) -> dict[str, Any]:
 
 @lru_cache(maxsize=4)
 def _rotations_data(motion: Motion, step: int, turn: Quaternion) -> dict[str, Any]:
-    """The rotations of a motion, turned by a quaternion; kept for other results that have the same source and copy."""
+    """The rotations of a motion, turned by a quaternion; cached for other results with the same source and copy."""
     motion, by = motion[::step], Rotation.from_quat(turn)
     turning = np.flatnonzero(np.ptp(motion.rotations, axis=0).max(axis=1) > STILL)
     turning = np.union1d(turning, [0])
@@ -165,8 +165,8 @@ def _body_data(actor: Actor) -> dict[str, Any]:
 
 
 def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array, Array]:
-    """The bones as thin capsules: joints, ends and radii as in `Capsules`; none above the hips, and none of joints that
-    are `covered`.
+    """The bones as thin capsules: joints, ends and radii as in `Capsules`; without those above the hips, and of joints
+    that are `covered`.
     """
     skeleton, body = actor.motion.rigid_skeleton, actor.body
     others = [*body.above_hips, *body.handles] if body else []
@@ -178,8 +178,8 @@ def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], A
 
 @lru_cache(maxsize=2)
 def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, Any]:
-    """The mesh with 16-bit places, 8-bit normals, and the joints that move each vertex most; its triangles in the order
-    of its materials. It is kept for other results that are shown in it.
+    """The mesh with 16-bit positions, 8-bit normals, and the joints that move each vertex most; its triangles in the
+    order of its materials. It is cached for other results on the same mesh.
     """
     vertices = _turned(Rotation.from_quat(turn), mesh.vertices) / unit
     low, high = vertices.min(axis=0), vertices.max(axis=0)
@@ -202,7 +202,7 @@ def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, An
 
 
 def _materials(looks: Looks) -> Iterator[dict[str, Any]]:
-    """The materials that triangles have, first those of most, with their images as long as these fit in `IMAGES`."""
+    """The materials in use, those of the most triangles first, with their images until `IMAGES` is used up."""
     counts = np.bincount(looks.of_triangle + 1, minlength=len(looks.materials) + 1)
     numbers = [number for number in np.argsort(-counts, kind="stable").tolist() if counts[number]]
     materials = [looks.materials[number - 1] if number else Material() for number in numbers]
@@ -221,7 +221,7 @@ def _materials(looks: Looks) -> Iterator[dict[str, Any]]:
 
 
 def _addresses(images: Sequence[bytes]) -> Iterator[str]:
-    """The data URLs of images, as long as they fit in `IMAGES`; empty for others."""
+    """The data URLs of images; empty for those that no longer fit in `IMAGES`."""
     room = IMAGES
     for image in images:
         kind = next((kind for head, kind in MEDIA.items() if image.startswith(head)), "")
@@ -231,7 +231,7 @@ def _addresses(images: Sequence[bytes]) -> Iterator[str]:
 
 
 def _normals(vertices: Array, triangles: NDArray[np.intp]) -> Array:
-    """(vertices, 3), smooth unit normals; vertices in one place have the same."""
+    """(vertices, 3), smooth unit normals; vertices at one place share theirs."""
     _, place = np.unique(np.round(vertices, 6), axis=0, return_inverse=True)
     corners = place.reshape(-1)[triangles]
     first, second, third = np.moveaxis(vertices[triangles], 1, 0)
@@ -247,7 +247,7 @@ def to_y_up(up: Array) -> Rotation:
 
 
 def _key(turn: Rotation) -> Quaternion:
-    """A rotation as what results can be kept by."""
+    """A rotation as a key of a cache."""
     return tuple(turn.as_quat().tolist())
 
 
@@ -257,12 +257,12 @@ def _turned(turn: Rotation, places: Array) -> Array:
 
 
 def _turned_axes(turn: Rotation, rotations: Array) -> Array:
-    """Rotations, (..., 4), about axes that are turned."""
+    """Rotations, (..., 4), with their axes turned."""
     return np.concatenate([_turned(turn, rotations[..., :3]), rotations[..., 3:]], axis=-1)
 
 
 def encoded(array: Any, dtype: str) -> str:
-    """An array for the page: little-endian numbers of a type, their first bytes first, compressed, in base64."""
+    """An array for the page: little-endian numbers, as planes of their bytes, compressed, in base64."""
     numbers = np.ascontiguousarray(array, dtype)
     planes = numbers.view(np.uint8).reshape(-1, numbers.itemsize).T
     return b64encode(zlib.compress(planes.tobytes(), 6)).decode("ascii")

@@ -1,12 +1,12 @@
-// Bodies: meshes and tapered capsules as geometry that three.js bends by the joints of a motion.
+// Bodies: meshes and tapered capsules as geometry, bent by the joints of a motion.
 /* global THREE */
 
 import {unpacked} from './motion.js';
 
 /** Whether the browser draws without a graphics card. */
 export const SOFTWARE = (() => {
-  const gl = document.createElement('canvas').getContext('webgl'), told = gl?.getExtension('WEBGL_debug_renderer_info');
-  const name = told ? gl.getParameter(told.UNMASKED_RENDERER_WEBGL) : '';
+  const gl = document.createElement('canvas').getContext('webgl'), info = gl?.getExtension('WEBGL_debug_renderer_info');
+  const name = info ? gl.getParameter(info.UNMASKED_RENDERER_WEBGL) : '';
   gl?.getExtension('WEBGL_lose_context')?.loseContext();
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
 })();
@@ -14,21 +14,21 @@ const [ROUND, STEPS] = SOFTWARE ? [9, 3] : [18, 6]; // sides of a capsule, and r
 const THIN = 5; // sides of a bone
 const BONE = 0.012; // radius below which a capsule is a bone without skin [body units]
 
-/** A body in its rest pose: its geometry, the materials that its file states, the places of its joints as `bind`,
- * (joints, 3), and the joints that move each vertex, with their weights.
+/** A body in its rest pose: its geometry, the materials in its file, the positions of its joints as `bind`, (joints,
+ * 3), and the joints that move each vertex, with their weights.
  */
 export async function bodyOf(data) {
-  const bind = await unpacked(data.bind, Float32Array), stated = data.mesh?.materials ?? [];
-  const images = await Promise.all(stated.map(async ({image, normal_map: normals}) => ({
+  const bind = await unpacked(data.bind, Float32Array), inFile = data.mesh?.materials ?? [];
+  const images = await Promise.all(inFile.map(async ({image, normal_map: normals}) => ({
     map: await loaded(image, THREE.SRGBColorSpace), normalMap: await loaded(normals, '')})));
   const {geometry, joints, weights} = await (data.mesh ? meshOf(data.mesh) : capsulesOf(data));
   geometry.computeBoundingBox();
   const highest = bind.filter((_, k) => k % 3 === 1).reduce((p, q) => Math.max(p, q), 0); // joint
-  return {stated, images, geometry, joints, weights, bind, moves: new Float32Array(16 * bind.length / 3),
-    crown: Math.max(geometry.boundingBox.max.y - highest, 0)}; // how far the skin reaches above it
+  return {inFile, images, geometry, joints, weights, bind, moves: new Float32Array(16 * bind.length / 3),
+    crown: Math.max(geometry.boundingBox.max.y - highest, 0)}; // height of the skin above this joint
 }
 
-/** A texture of an image; null without one, or where the browser cannot read it. */
+/** A texture of an image; null without one, or if the browser cannot read it. */
 async function loaded(address, colorSpace) {
   if (!address) return null;
   const image = Object.assign(new Image(), {src: address});
@@ -41,9 +41,9 @@ async function loaded(address, colorSpace) {
     wrapS: THREE.RepeatWrapping, wrapT: THREE.RepeatWrapping, needsUpdate: true});
 }
 
-/** The materials of a body as its file states them. */
-export function materialsOf({stated, images}) {
-  return stated.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
+/** The materials of a body as in its file. */
+export function materialsOf({inFile, images}) {
+  return inFile.map(({colour, mode, cutoff, two_sided: both}, k) => new THREE.MeshLambertMaterial({
     color: new THREE.Color(...colour), ...images[k], alphaTest: mode === 'MASK' ? cutoff : 0,
     opacity: mode === 'BLEND' ? colour[3] : 1, transparent: mode === 'BLEND', ...both && {side: THREE.DoubleSide}}));
 }
@@ -91,7 +91,7 @@ async function capsulesOf(data) {
   return {geometry, joints, weights: joints.map(() => 1)};
 }
 
-/** A mesh of a body that `bend` bends. It is bent here, not by the graphics card, which may be a program. */
+/** A mesh of a body for `bend`. It is bent here, not by the graphics card, which may be emulated. */
 export function bendable(body, materials) {
   const mesh = new THREE.Mesh(body.geometry.clone(), materials.length > 1 ? materials : materials[0]);
   return Object.assign(mesh, {body, frustumCulled: false});
@@ -100,7 +100,7 @@ export function bendable(body, materials) {
 const move = new THREE.Matrix4(), place = new THREE.Vector3(), rest = new THREE.Vector3();
 const turn = new THREE.Quaternion(), unscaled = new THREE.Vector3(1, 1, 1);
 
-/** Bends a mesh as a motion is placed: each vertex goes to the mean of where its joints move it. */
+/** Bends a mesh to the frame at which a motion is placed, by linear blend skinning. */
 export function bend({geometry, body}, {positions, rotations}) {
   const {bind, moves: m, joints, weights} = body, {position, normal} = body.geometry.attributes;
   for (let k = 0; k < bind.length / 3; k++) {

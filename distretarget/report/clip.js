@@ -12,7 +12,7 @@ const D_MEANS = 'Distance of two joints divided by the length of the bones betwe
   + 'where the path between them is straight.';
 const COPY_MEANS = 'The rotation copy: A’s rotations on the bones of B, before anything is corrected.';
 const HEIGHT = 100; // of a curve in its own units
-const POINTS = 2000; // of a curve, at most: of frames that share one the largest value is drawn
+const POINTS = 2000; // of a curve, at most; each is the largest value of its frames
 
 function buildHead() {
   const body = ({file, joints, convention}) => `${file}, ${joints} joints${convention ? `, ${convention}` : ''}`;
@@ -32,7 +32,7 @@ function buildHead() {
     ['Contact', report.touching], ...ofRun ? [['Copy', COPY_MEANS]] : []]));
 }
 
-/** A line that says, in words and by a mark, whether a metric is within a limit; `over` is null if it has no value. */
+/** A line with a mark on whether a metric is within a limit; `over` is null if it has no value. */
 function limitLine(name, limit, over, factor) {
   const most = `${name} ${String(Number((limit * factor).toPrecision(3)))}`;
   if (over === null) return element('p', {class: 'limit'}, most);
@@ -88,13 +88,13 @@ function pathOf(values, top) {
   return parts.join('');
 }
 
-/** Where an axis ends: at the largest value, or lower if a few values far above all others would flatten the curve. */
+/** The end of an axis: the largest value, or less if a few values far above all others would flatten the curve. */
 function axisTop(values, most, least) {
   const usual = values.toSorted()[Math.floor(0.98 * (values.length - 1))];
   return usual > least && most > 5 * usual ? 1.5 * usual : most;
 }
 
-/** Shows the curve of a metric; `columns` are its packed values in the frames, of A and of B. */
+/** Shows the curve of a metric; `columns` have the packed values of A and of B in the frames, by key. */
 async function showCurve(metric, columns) {
   const {key, factor, judged, missing} = metric, least = metric.least * factor;
   const lines = await Promise.all([...judged === 'value' ? [] : [[`${key}_source`, 'a']], [key, 'b']].map(

@@ -1,4 +1,4 @@
-"""The report on a clip: an HTML page that plays a source and its result, or A and B of a diff, with their metrics."""
+"""The report on a clip: an HTML page with source and result, or A and B of a diff, in a player, and their metrics."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ def write_report(
 ) -> None:
     """Write the report on a run or a diff: one HTML file that any browser opens without a network.
 
-    `source_name` and `result_name` are what the report calls the two motions, A and B of a diff.
+    `source_name` and `result_name` are the names of the two motions, A and B of a diff, in the report.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
@@ -68,8 +68,8 @@ def write_report(
 def run_page(
     result: RetargetResult, about: About, target: LoadedTarget | None = None, source: InputFile | None = None
 ) -> str:
-    """The HTML of the report on a run: its source, its rotation copy and its result; `target` has the mesh to show, if
-    the result was made without it, and `source` the source's own.
+    """The HTML of the report on a run: its source, its rotation copy and its result. `target` has the mesh to show, if
+    the result was made without it, and `source` that of the source.
     """
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
@@ -78,13 +78,13 @@ def run_page(
 
 
 def run_motions(result: RetargetResult, meshes: Meshes) -> dict[str, object]:
-    """Return what the player of `run_page` shows in motion, in `meshes_of` the result."""
+    """Return the motions for the player of `run_page`; `meshes` as by `meshes_of`."""
     return _motions(shown_result("", result, meshes), result.world.up_vector)
 
 
 def run_axes(result: RetargetResult) -> list[dict[str, object] | None]:
-    """Return for each joint of a result what `AnchoredSkin.axes_at` it, as the player has the body in its rest pose,
-    and the name of the part that is anchored there; None for joints of no part.
+    """Return for each joint of a result the axes for anchors (`AnchoredSkin.axes_at`), in the rest pose of the player,
+    and the name of the anchored part; None for joints of no part.
     """
     body, turn, unit = result.matching.target, to_y_up(result.world.up_vector), _units(result.matching)[1]
     skin = AnchoredSkin.of(body, result.skins.target.capsules if result.skins else None)
@@ -103,18 +103,18 @@ def run_axes(result: RetargetResult) -> list[dict[str, object] | None]:
 
 
 def run_timeline(result: RetargetResult, marked: Sequence[MarkedContact]) -> dict[str, object]:
-    """Return what its timeline shows, but for the worst frames; `marked` are the contacts of the result."""
+    """Return the timeline of `run_page` without the worst frames; `marked` are the contacts of the result."""
     return _timeline(run_diff(result), shown_result("", result), marked)
 
 
 def meshes_of(result: RetargetResult, target: LoadedTarget | None, source: InputFile | None) -> Meshes:
-    """Return the meshes in which source and target are shown; None for one without."""
+    """Return the meshes to show for source and target; None for one without."""
     mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
     return _mesh_of(source, result.source), mesh
 
 
 def shown_result(name: str, result: RetargetResult, meshes: Meshes | None = None) -> ShownBody:
-    """Return the performer of a result, with its rotation copy, in meshes or in the result's own."""
+    """Return the performer of a result, with its rotation copy; by default in the result's own meshes."""
     skins = result.skins and (result.skins.source.capsules, result.skins.target.capsules)
     return ShownBody(
         name=name,
@@ -141,7 +141,7 @@ def _capsules(matching: Matching) -> tuple[Capsules, Capsules]:
 
 
 def _mesh_of(file: InputFile | None, motion: Motion) -> SkinnedMesh | None:
-    """The mesh in the file of a motion; None where there is none on its joints as they stand in the motion."""
+    """The mesh in the file of a motion; None if it has none, or one for other joints or another rest pose."""
     if file is None or not file.format.has_characters:
         return None
     try:
@@ -175,7 +175,7 @@ def diff_page(diff: Diff, document: Values) -> str:
 
 
 def _page(diff: Diff, document: Values, body: ShownBody, marked: Sequence[MarkedContact] = ()) -> str:
-    """The page on a diff that plays motions of a body, first that of A; the others are those of B's body."""
+    """The page on a diff with motions of a body in its player, first that of A, then those of B's body."""
     source, result = ("source ", "result ") if document["metrics"]["rotation_copy"] else ("", "")
     title = f"{result}{document['b']['file']} against {source}{document['a']['file']}"
     frames = document["frames"]
@@ -206,13 +206,13 @@ def _motions(body: ShownBody, up: Array) -> dict[str, object]:
 
 
 def _units(matching: Matching) -> tuple[float, float]:
-    """The lengths that source and target count in [file units]."""
+    """The units of length of source and target in the page, two legs each [file units]."""
     a, b = (2.0 * leg for leg in matching.leg_lengths)
     return a or matching.source.unit or 1.0, b or matching.target.unit or 1.0
 
 
 def contact_table(document: Values) -> Table:
-    """The contacts of each two regions, in D."""
+    """The table of contacts between regions, in D."""
     rows: list[list[str | int]] = []
     for one in document["contacts"]:
         numbers = [f"{one['distance_a']:.3f}", f"{one['distance_b']:.3f}", f"{one['error']:.3f}"]

@@ -1,4 +1,4 @@
-"""The numbers of a diff or a run as one document, for JSON, or CSV with a row for each frame; and a run in lines.
+"""A diff or a run as a document of numbers, for JSON, or CSV with a row for each frame; and summary lines of a run.
 
 `diff.schema.json` describes every key of a diff, and `measure.metrics.METRICS` has the keys of metrics.
 """
@@ -24,11 +24,11 @@ from distretarget.pipeline.result import RetargetResult
 from distretarget.report.page import VERSION
 from distretarget.skeleton import Skeleton
 
-FORMULAS = ("=", "+", "-", "@", "\t")  # a text that begins with one is run by spreadsheets
+FORMULAS = ("=", "+", "-", "@", "\t")  # a text that begins with one of these is a formula to spreadsheets
 MetricValues = Mapping[str, float | None]
-"""Metrics by key; None where nothing was to be measured."""
+"""Metrics by key; None where nothing was measured."""
 Values = Mapping[str, Any]
-"""A part of a document, whose keys its schema describes."""
+"""A part of a document, with keys as in its schema."""
 DECIMALS = 12  # of the numbers in documents: fewer than doubles have, so that rounding errors vanish
 
 
@@ -52,13 +52,13 @@ def csv_lines(columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> I
 
 
 def _plain(text: str) -> str:
-    """The text of a cell; a carriage return, which ends the row for some readers, is a space."""
+    """The text of a cell; a carriage return, which ends the row for some readers, becomes a space."""
     text = text.replace("\r", " ")
     return f"'{text}" if text.startswith(FORMULAS) else text
 
 
 class Table(TypedDict):
-    """A table below the player; an integer cell is the number of a frame, and becomes a button that goes there."""
+    """A table below the player; integer cells are frames, and become buttons that go there."""
 
     title: str
     columns: list[str]
@@ -67,19 +67,19 @@ class Table(TypedDict):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class About:
-    """What a document says besides the numbers of its diff."""
+    """The contents of a document besides the numbers of its diff."""
 
-    a: str  # the name of the file
+    a: str  # the name of A's file
     b: str
     command: str = ""  # the command line that made the diff, if any
-    rotation_copy: Tracks | None = None  # this and the next two are of the run, if B was made from A
+    rotation_copy: Tracks | None = None  # of the run, as verdict and warnings are, if B was made from A
     verdict: str = ""
     warnings: tuple[str, ...] = ()
     limits: tuple[tuple[str, float], ...] = ()  # keys of metrics, each with the largest value allowed
 
 
 def document(diff: Diff, about: About) -> Values:
-    """The diff as JSON values; None where nothing was to be measured."""
+    """The diff as JSON values; None where nothing was measured."""
     sides: dict[Variant, Tracks] = {"source": diff.comparison.source_tracks, "result": diff.tracks}
     frames = _frames(diff, sides)
     a, b, drivers = diff.matching.source.skeleton, diff.matching.target.skeleton, diff.matching.drivers
@@ -139,12 +139,12 @@ def _of_clip(tracks: Tracks) -> MetricValues:
 
 
 def judged(key: str, limit: float, value: float | None) -> Values:
-    """A limit of a metric, and whether the number it is for is over it."""
+    """A limit of a metric, and whether the value that it limits is over it."""
     return {"metric": key, "limit": limit, "value": value, "over": value is not None and value > limit}
 
 
 def _frames(diff: Diff, sides: Mapping[Variant, Tracks]) -> dict[str, list[float | None]]:
-    """The columns of the frames by key."""
+    """The columns of the table of frames, by key."""
     count = np.arange(len(diff))
     return {
         "frame": count.tolist(),
@@ -181,12 +181,12 @@ def _contacts(diff: Diff) -> list[Values]:
 
 
 def summary_line(result: RetargetResult, seconds: float) -> str:
-    """The last line of a run: its frames, its time, and the verdict on the result."""
+    """The last line of a run: the number of frames, the time, and the verdict on the result."""
     return f"{counted(len(result.motion), 'frame')} in {seconds:.2f} s. {result.verdict}"
 
 
 def metrics_line(result: RetargetResult) -> str:
-    """One line with the metrics of rotation copy and result, and the frame of most stress."""
+    """One line with the metrics of rotation copy and result, and the frame with the most stress."""
     metrics, stress = result.metrics, BY_KEY["stress"]
     worst = int(np.argmax(result.written_stress))
     values = ", ".join(

@@ -2,8 +2,8 @@
 
 export const $ = id => document.getElementById(id);
 
-/** An element, given or by its tag, with attributes, listeners under `on`, and children; a string becomes text, never
- * markup.
+/** An element, given or made by its tag, with attributes, listeners under `on`, and children; a string becomes text,
+ * never markup.
  */
 export function element(tag, {on = {}, ...attributes} = {}, ...children) {
   const made = typeof tag === 'string' ? document.createElement(tag) : tag;
@@ -13,15 +13,15 @@ export function element(tag, {on = {}, ...attributes} = {}, ...children) {
   return made;
 }
 
-/** A button with a text that does something. */
+/** A button with a text, and what a click calls. */
 export function button(text, click, attributes = {}) {
   return element('button', {type: 'button', on: {click}, ...attributes}, text);
 }
 
-/** The JSON that stands in the page under a name. */
+/** The JSON data of a name in the page. */
 export const embedded = name => JSON.parse($(name).textContent);
 
-/** A number with three digits, for people to read; a dash where there is none. */
+/** A number with three significant digits; a dash if there is none. */
 export function shown(value) {
   if (value === null || value === undefined || Number.isNaN(value)) return '–';
   if (value === 0) return '0';
@@ -35,13 +35,13 @@ export const counted = (number, what) => `${number.toLocaleString('en')} ${what}
 
 export const clamp = (value, low, high) => Math.min(high, Math.max(low, value));
 
-/** The sum of the numbers of what is in a list. */
+/** The sum of `numberOf` over a list. */
 export const total = (list, numberOf) => list.reduce((sum, one) => sum + numberOf(one), 0);
 
-/** The elements of a list of names, each with its text. */
+/** The elements of a description list, from pairs of a name and a text. */
 export const terms = pairs => pairs.flatMap(([name, text]) => [element('dt', {}, name), element('dd', {}, text)]);
 
-/** Rows of facts about the page below its title. */
+/** Shows facts below the title of the page, from pairs of a name and a text. */
 export function showFacts(facts) {
   $('facts').append(...facts.map(pair => element('div', {}, ...terms([pair]))));
 }
@@ -51,7 +51,7 @@ export function showFacts(facts) {
 export const themed = [];
 const colours = new Map(), probe = document.body.appendChild(element('i', {hidden: ''}));
 
-/** The colour that the style sheet calls by a name. */
+/** The colour of a name in the style sheet. */
 export function colourOf(name) {
   if (!colours.has(name)) {
     probe.style.color = `var(--${name})`;

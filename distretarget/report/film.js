@@ -1,23 +1,23 @@
-// A film: frames that the browser codes as VP8, each once and at its own time, in a WebM file.
+// A film: frames that the browser encodes as VP8, in a WebM file.
 
 import {total} from './dom.js';
 
-const KEY = 60; // frames from one that stands for itself to the next
+const KEY = 60; // frames from one key frame to the next
 const DETAIL = 0.15; // bits for each pixel
-const QUEUE = 4; // frames that wait for the encoder
+const QUEUE = 4; // most frames that wait for the encoder
 
 const bytesOf = (number, size) => (
   Uint8Array.from({length: size}, (_, k) => Math.floor(number / 256 ** (size - 1 - k)) % 256));
 const text = string => new TextEncoder().encode(string);
 
-/** An element of Matroska, by its number; its content are whole numbers, bytes and elements. */
+/** An element of Matroska, by its number; its content is whole numbers, bytes and elements. */
 function part(id, ...content) {
   const inside = content.flat().map(one => (typeof one === 'number' ? bytesOf(one, 6) : one));
   const size = total(inside, ({length}) => length);
   return [bytesOf(id, Math.ceil(Math.log2(id) / 8)), bytesOf(1, 1), bytesOf(size, 7), ...inside];
 }
 
-/** A WebM file of coded frames: their data, times [ms], and whether each is a `key`, which begins a cluster. */
+/** A WebM file of encoded frames: their data, times [ms], and whether each is a `key` frame, which begins a cluster. */
 function webm(frames, width, height, duration) {
   const length = new Uint8Array(8), clusters = [];
   new DataView(length.buffer).setFloat64(0, duration);

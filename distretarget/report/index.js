@@ -1,4 +1,4 @@
-// The page over all clips: head, metrics over the clips, a player, and the table with its filters.
+// The page on all clips: head, metrics over the clips, a player, and the table with its filters.
 
 import {$, button, counted, element, embedded, followTheme, showFacts, shown, terms, total} from './dom.js';
 import {cardOf, metricsAt, nameOf} from './metrics.js';
@@ -9,7 +9,7 @@ const batch = embedded('batch');
 const clips = batch.rows.map(values => Object.fromEntries(values.map((value, k) => [batch.fields[k], value])));
 const done = clips.filter(clip => clip.done);
 const PAGE = 500; // rows of the table that are added at a time
-const LONG = 240; // characters of a reason from which only its beginning shows until it is opened
+const LONG = 240; // characters of a reason from which on only its beginning shows until it is opened
 const MEDIANS = 'Large numbers are medians over the converted clips, and so are the numbers beside “rotation copy” and '
   + '“source”.';
 const COPY = 'rotation copy';
@@ -32,11 +32,11 @@ const STATUSES = [
   ['warned', 'With warnings', clip => clip.warnings.length],
 ];
 
-/** The state of the table: the column it is ordered by, downwards or not, the clips that pass, and the rows shown. */
+/** The state of the table: the column that sorts it, downwards or not, the clips that pass, and the number of rows. */
 const view = {column: SHOWN[0], down: true, passing: [], rows: 0};
 
-/** The column of a metric: `of` is its value of a clip, `beside` are names and functions for values to compare it with;
- * the table shows the first of these.
+/** The column of a metric: `of` returns its value of a clip; `beside` are names and functions of values to compare it
+ * with, of which the table shows the first.
  */
 function columnOf(metric) {
   const {key, judged, factor} = metric;
@@ -141,18 +141,18 @@ function statusCell(clip) {
 function warningsCell(clip) {
   if (!clip.warnings.length) return ['–'];
   const texts = clip.warnings.map(k => element('li', {}, batch.warnings[k]));
-  const told = element('tr', {class: 'told'}, element('td', {colspan: COLUMNS.length}, element('ul', {}, ...texts)));
+  const row = element('tr', {class: 'told'}, element('td', {colspan: COLUMNS.length}, element('ul', {}, ...texts)));
   const label = `${counted(texts.length, 'warning')} of ${clip.clip}`;
   const opener = button(texts.length, () => {
-    const open = !told.isConnected;
+    const open = !row.isConnected;
     opener.setAttribute('aria-expanded', open);
-    if (open) opener.closest('tr').after(told);
-    else told.remove();
+    if (open) opener.closest('tr').after(row);
+    else row.remove();
   }, {'aria-expanded': 'false', 'aria-label': label});
   return [opener];
 }
 
-/** The cells of a clip; of one that failed the reason is in place of the metrics. */
+/** The row of a clip; that of a failed one has the reason in place of the metrics. */
 function buildRow(clip) {
   const first = COLUMNS.findIndex(({beside}) => beside);
   const cells = COLUMNS.slice(1).filter(({beside}) => clip.done || !beside).map(({name, text, cell}) => (
@@ -201,7 +201,7 @@ function refresh() {
     clips.length ? 'No clip passes the filters.' : 'There are no clips.')));
 }
 
-/** Orders the table by a column; the same column again goes the other way. */
+/** Sorts the table by a column; the same column again reverses the order. */
 function sortBy(column, down = column === view.column ? !view.down : !column.text) {
   Object.assign(view, {down, column});
   COLUMNS.forEach((one, k) => {

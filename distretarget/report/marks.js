@@ -1,16 +1,16 @@
-// Marks on the stage: what touches, what rests, where skin sinks in, and the paths of hands and feet.
+// Marks on the stage of contacts, supports, skin inside, and joints; and the paths of hands and feet.
 /* global THREE */
 
 import {colourOf} from './dom.js';
 import {middleOf} from './motion.js';
 import {levelAt, offAt} from './timeline.js';
 
-const PATH = 32, PAST = 0.8; // points of a path, and the time that it goes back [s]
-const ON_FLOOR = 0.12; // supports that are lower rest on the floor [body units]
-const NAMES = 2; // joints of a side that are named at a time
-const NAMED = 0.1; // size of the mark of a joint that is named [body units]
-const MOST = 12; // marks of a side at a time
-const DOT = 0.032; // size of the mark of a joint that has a colour [body units]
+const PATH = 32, PAST = 0.8; // points of a path, and its duration [s]
+const ON_FLOOR = 0.12; // supports lower than this rest on the floor [body units]
+const NAMES = 2; // named joints of a side, at most
+const NAMED = 0.1; // size of the mark of a named joint [body units]
+const MOST = 12; // marks of a side, at most
+const DOT = 0.032; // size of the mark of a coloured joint [body units]
 // alpha by radius
 const RING = [[0.72, 0], [0.78, 1], [0.9, 1], [0.96, 0]], GLOW = [[0, 1], [0.35, 0.75], [1, 0]];
 const DISC = [[0.8, 1], [0.95, 0]];
@@ -32,7 +32,7 @@ function trailOf(actor, joint) {
   return Object.assign(new THREE.Line2(geometry, material), {visible: false, frustumCulled: false, actor, joint});
 }
 
-/** Puts a mark of a size and colour at a joint of a motion; hides it if that is -1. */
+/** Puts a mark of a size and colour at a joint of a motion; hides it if the joint is -1. */
 function putAt(mark, {positions}, joint, size, colour) {
   mark.visible = joint >= 0;
   if (!mark.visible) return;
@@ -48,7 +48,7 @@ export class Marks {
     Object.assign(this, {ring: spotTexture(RING), glow: spotTexture(GLOW), disc: spotTexture(DISC)});
   }
 
-  /** Puts marks beside the actors of the stage, which are others than before. */
+  /** Makes marks for new actors of the stage. */
   build() {
     const {stage} = this, flat = new THREE.PlaneGeometry(1, 1).rotateX(-Math.PI / 2);
     const many = (made, length = MOST) => (
@@ -69,15 +69,15 @@ export class Marks {
     const {stage, trails} = this;
     stage.actors.forEach(({motion}) => motion.place(frame));
     stage.sides.forEach((side, number) => {
-      const judged = side.actors[0].role === 'result' || number === stage.sides.length - 1;
-      const seen = this.shown && (judged || !stage.overlaid);
+      const isResult = side.actors[0].role === 'result' || number === stage.sides.length - 1;
+      const seen = this.shown && (isResult || !stage.overlaid);
       const active = this.rows.filter(({codes, kind, points}) => (
-        seen && codes[frame] && points[number]?.length && (judged || kind !== 'skin')));
+        seen && codes[frame] && points[number]?.length && (isResult || kind !== 'skin')));
       for (const [marks, rests] of [[side.rings, true], [side.spots, false]]) {
         const own = active.filter(({kind}) => (kind === 'support') === rests);
         marks.forEach((mark, k) => {
           mark.visible = k < own.length;
-          if (mark.visible) this.put(mark, own[k], own[k].points[number], judged, frame);
+          if (mark.visible) this.put(mark, own[k], own[k].points[number], isResult, frame);
         });
       }
       const end = side.actors[0].role === 'source' ? 0 : 1, [{motion}] = side.actors;
@@ -91,19 +91,19 @@ export class Marks {
     });
   }
 
-  /** Puts a mark for a row in the middle of joints, given with the numbers of their actors. */
-  put(mark, row, points, judged, frame) {
+  /** Puts the mark of a row in the middle of `points`, [actor, joint] each; its colour shows the error of a result. */
+  put(mark, row, points, isResult, frame) {
     const {kind, limit, spots: {[frame]: spot}} = row, joints = spot ? [[points[0][0], spot]] : points;
     const [x, y, z] = middleOf(joints.map(([actor, joint]) => [this.stage.actors[actor].motion, joint]));
     const onFloor = kind === 'support' && y < ON_FLOOR, glows = kind === 'skin';
     mark.position.set(x, onFloor ? 0.004 : y, z);
     mark.scale.setScalar({contact: 0.05, skin: 0.15, support: onFloor ? 0.3 : 0.12}[kind]);
-    mark.material.color.set(colourOf(glows ? 'over' : judged ? levelAt(row, frame) : 'muted'));
+    mark.material.color.set(colourOf(glows ? 'over' : isResult ? levelAt(row, frame) : 'muted'));
     mark.material.opacity = glows ? Math.min((offAt(row, frame) / limit) ** 2, 1) : 1;
     mark.material.map = glows ? this.glow : this.ring;
   }
 
-  /** Draws where joints came from, in steps of some frames. */
+  /** Draws the paths of joints up to a frame, in steps of some frames. */
   drawPaths(paths, frame, step) {
     for (let k = 0; k < PATH; k++) {
       for (const {geometry, actor: {motion}, joint} of paths) {

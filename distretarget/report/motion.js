@@ -1,4 +1,4 @@
-// Packed arrays, and motions: where the joints of an actor are in each frame.
+// Packed arrays, and motions: positions and rotations of the joints of an actor in each frame.
 /* global THREE */
 
 import {total} from './dom.js';
@@ -18,7 +18,7 @@ export async function unpacked(text, Kind) {
 const tip = new THREE.Vector3(), base = new THREE.Vector3();
 const tipTurn = new THREE.Quaternion(), baseTurn = new THREE.Quaternion();
 
-/** A motion as `place` shows it: `positions`, (joints, 3), and world `rotations`, (joints, 4), x y z w. */
+/** A motion, placed at one frame: `positions`, (joints, 3), and world `rotations`, (joints, 4), x y z w. */
 export class Motion {
   /** The motion in the data of an actor, on a page with this time between frames [s]. */
   static async of(data, frameTime) {
@@ -37,7 +37,7 @@ export class Motion {
       rotations: new Float32Array(4 * joints)});
   }
 
-  /** Places the joints at a frame of the clip; a motion that ends before keeps its last pose. */
+  /** Places the joints at a frame of the page; a motion that ends before keeps its last pose. */
   place(frame) {
     const at = Math.min(Math.floor(frame * this.rate + 1e-6), this.count - 1);
     if (at === this.frame) return;

@@ -1,7 +1,7 @@
 """HTML pages as single files: a template, its styles, the modules of its scripts in one scope, and JSON data; and the
-page over all clips of a batch, with links to their reports.
+page on all clips of a batch, with links to their reports.
 
-A page runs no script but its own, by their hashes, and asks for nothing.
+A page runs only its own scripts, which are named by hash, and loads nothing.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ PLAYER = (
     "film.js",
     "player.js",
 )
-# The styles and modules of each kind of page, after those that they import; its body is the file KIND.html.
+# The styles and modules of each kind of page, in order of import; its body is the file KIND.html.
 STYLES = {
     "clip": ("style.css", "player.css", "clip.css"),
     "audit": ("style.css", "index.css", "audit.css"),
@@ -51,7 +51,7 @@ SCRIPTS = {
     "framed": (*PLAYER, "framed.js"),
 }
 IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
-HALVES = re.compile("[\ud800-\udfff]")  # half characters, which file names may contain and UTF-8 cannot encode
+HALVES = re.compile("[\ud800-\udfff]")  # surrogates, which file names may contain and UTF-8 cannot encode
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
 METRIC_COLUMNS = tuple(name for name, (_, metric) in COLUMNS.items() if "page over clips" in metric.places)
@@ -59,8 +59,8 @@ FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warni
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object], **content: str) -> str:
-    """The HTML of a "clip", "index", "scene", "audit" or "framed" page. Its scripts read `data` by name; a name that
-    begins with "stage" is for the player, which a "framed" page has anyway. `content` is HTML for places of these.
+    """The HTML of a "clip", "index", "scene", "audit" or "framed" page. Its scripts read `data` by name. A page has a
+    player if a name begins with "stage", or if it is "framed". `content` is HTML for the placeholders of these names.
     """
     played = kind == "framed" or any(name.startswith("stage") for name in data)
     modules = [asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
@@ -91,13 +91,13 @@ def asset(name: str, package: str = __package__) -> str:
 
 
 class ClipRecord(TypedDict):
-    """What the page shows of a clip."""
+    """The data of a clip on the page over all clips."""
 
     input: str  # path of the clip
     output: str  # path of the result, relative to the folder of results, with slashes
     target: str  # path of the target's file
-    frames: int  # retargeted
-    seconds: float  # that this took [s]
+    frames: int  # number of retargeted frames
+    seconds: float  # time of retargeting [s]
     metrics: Mapping[str, float | None]  # by `COLUMNS`; None where nothing was measured; empty if it failed
     warnings: list[str]  # a line each
     status: Literal["done", "failed"]
@@ -112,8 +112,8 @@ def index_page(
 ) -> str:
     """The HTML of the page over clips, from a record of each.
 
-    `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are what the player
-    shows of some clips, the first at first.
+    `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are data for the
+    player by output, of some clips, of which the first is shown at first.
     """
     table = _table(records, links, [*stages])
     data = {"batch": {**table, "version": VERSION}, "registry": as_data("the source", "the result")}
@@ -121,8 +121,8 @@ def index_page(
 
 
 def _table(records: Sequence[ClipRecord], links: Mapping[str, str], played: Sequence[str]) -> dict[str, object]:
-    """The records in few bytes: the name of the `folder` of all clips, which their names omit; `targets` and `warnings`
-    once each; and for each clip a row of the values of `FIELDS`, with target and warnings as indices.
+    """The records in few bytes: the `folder` of all clips, which their names omit; `targets` and `warnings` once each;
+    and for each clip a row with the values of `FIELDS`, target and warnings as indices.
     """
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = folder_of(record["input"] for record in records), folder_of(targets)
@@ -142,8 +142,8 @@ def _table(records: Sequence[ClipRecord], links: Mapping[str, str], played: Sequ
         for record in records
     ]
     names = [target[len(target_folder) :] for target in targets]
-    told = ABSOLUTE.sub(r"\1", folder)
-    return {"folder": told, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
+    shown = ABSOLUTE.sub(r"\1", folder)
+    return {"folder": shown, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
 
 
 def _number(value: object) -> float | None:

@@ -6,8 +6,8 @@ export const clock = {frame: 0, count: 1, frameTime: 1 / 30, playing: false, spe
 const watchers = [];
 let seconds = 0, before = 0, waiting = false;
 
-/** Calls `watch` with the frame for each picture, those watching first at first; during playback only while `place`, an
- * element, is in view.
+/** Calls `watch` with the frame for each picture, in the order of these calls; during playback only while the element
+ * `place` is in view.
  */
 export function onFrame(watch, place = null) {
   let seen = true;
@@ -37,7 +37,7 @@ export function setPlaying(playing) {
   repaint();
 }
 
-/** The frame after `passed` seconds from the one that is shown, in the loop or the whole clip. */
+/** The frame `passed` seconds after the present one, in the loop or the whole clip. */
 function advanced(passed) {
   const [first, last] = clock.loop?.length === 2 ? clock.loop : [0, clock.count - 1];
   const span = (last - first + 1) * clock.frameTime, start = first * clock.frameTime;
@@ -62,7 +62,7 @@ function showFrame() {
   $('now').textContent = `${clock.frame} / ${last} · ${text}`;
 }
 
-/** The first press marks where the loop begins, the second where it ends, the third ends it. */
+/** Marks the frame as the start of a loop, then as its end; a third call removes the loop. */
 export function markLoop() {
   const {loop, frame} = clock;
   clock.loop = !loop ? [frame] : loop.length === 1 ? [...loop, frame].sort((p, q) => p - q) : null;
@@ -85,7 +85,7 @@ export function followLink() {
 
 addEventListener('hashchange', followLink);
 
-/** Takes the frames of a clip, at the time that was shown. A loop goes on in as many frames alone. */
+/** Takes the frames of a clip, and keeps the time; a loop is removed if the number of frames changes. */
 export function setClip(count, frameTime) {
   while (clock.loop && count !== clock.count) markLoop();
   Object.assign(clock, {count, frameTime, frame: clamp(Math.round(seconds / frameTime), 0, count - 1)});
@@ -116,7 +116,7 @@ export function buildTransport() {
   });
 }
 
-/** Pressing or dragging on an element, whose width stands for the whole clip, goes to the frame at that place. */
+/** Makes pressing or dragging on an element, whose width is the whole clip, go to the frame at that place. */
 export function dragFrames(target) {
   const go = ({clientX, buttons}) => {
     const {left, width} = target.getBoundingClientRect();

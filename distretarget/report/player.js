@@ -18,7 +18,7 @@ const steer = (x, y) => ({shiftKey}, {controls}) => {
   }
 };
 const zoom = factor => (_, {controls}) => controls.dollyIn(factor);
-const KEYS = [ // what the list of keys calls them, what each does, and what the list says of them
+const KEYS = [ // names for the list of keys, their actions, and the text in the list
   ['Space', {' ': () => setPlaying(!clock.playing)}, 'play or stop'],
   ['← →', {ArrowLeft: step(-1), ArrowRight: step(1)}, 'a frame back or on; with Shift ten'],
   ['Home End', {Home: () => goTo(0), End: () => goTo(clock.count - 1)}, 'first or last frame'],
@@ -67,7 +67,7 @@ function label(stage) {
   repaint();
 }
 
-/** The same for other sides, in views that are framed anew. */
+/** Labels and frames the views again after other sides are shown. */
 function relabel(stage) {
   stage.framed = '';
   label(stage);
@@ -95,7 +95,7 @@ function buildSides(stage) {
 
 const look = (id, stage, ...angles) => $(id).addEventListener('click', () => stage.look(...angles));
 
-/** Copies the view to a picture for the printer, which cannot see what WebGL has drawn. */
+/** Copies the view to a 2D canvas for the printer, which does not print WebGL. */
 function copyView() {
   const {stage} = globalThis.app || {};
   if (!stage) return;
@@ -109,7 +109,7 @@ function savePicture(stage) {
   element('a', {href: stage.canvas.toDataURL('image/png'), download: `frame_${clock.frame}.png`}).click();
 }
 
-/** Saves a film of the loop, or of the whole clip, in the view as it is; a press on the button ends it. */
+/** Saves a film of the loop, or of the whole clip, in the present view; another press on the button ends it. */
 async function saveFilm() {
   if (filming) {
     filming = false;
@@ -150,7 +150,7 @@ let filming = false;
 addEventListener('keydown', onKey);
 addEventListener('beforeprint', copyView);
 
-/** Builds the player for sides, still without actors; `app` in the console of the browser drives it. */
+/** Builds the player for sides, still without actors; in the browser's console it is `app`. */
 function build(data) {
   buildTransport();
   buildTimeline();
@@ -180,7 +180,7 @@ function build(data) {
   return {stage, clock, marks, goTo, setPlaying};
 }
 
-/** Draws a frame, and tells screen readers what is seen. */
+/** Draws a frame, and describes it for screen readers. */
 function drawFrame(frame) {
   const {stage, marks} = app;
   marks.update(frame, clock.frameTime);
@@ -201,8 +201,7 @@ const laidOut = place => new Promise(go => {
 
 let built;
 
-/** Shows motions in place of those that are there, at the same time and in the same view; all data has the same sides.
- */
+/** Shows motions in place of those before, at the same time and in the same view; all data has the same sides. */
 export async function showMotions(data) {
   if (!$('player').clientWidth) await laidOut($('player'));
   built ??= {app: build(data)};
@@ -217,7 +216,7 @@ export async function showMotions(data) {
   onFrame(drawFrame);
 }
 
-/** Shows rows of the timeline, and frames to go to, in place of those that are there. */
+/** Shows rows of the timeline, and frames to go to, in place of those before. */
 export async function showTimeline({rows, jumps}) {
   setJumps(jumps);
   const shown = await showRows(rows);

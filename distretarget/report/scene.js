@@ -1,4 +1,4 @@
-// The report on a scene, or files to look at: a player, and tables below it.
+// The report on a scene, and the page of `distretarget view`: a player, and tables below it.
 
 import {$, element, embedded, followTheme} from './dom.js';
 import {buildPlayer} from './player.js';

@@ -35,9 +35,9 @@ from distretarget.skin.capsules import SEGMENTS
 
 Pair = tuple[int, int]
 GAP_ERROR = "gap_error"  # the metric of a whole scene
-OTHER: Role = "other"  # of all performers of a scene
-NO_GAP = "\u2013"  # where two never touch
-OFF = 50.0 * TOUCH_DISTANCE  # a gap that is farther off than this is not kept well [% of leg length]
+OTHER: Role = "other"  # the role of all performers of a scene
+NO_GAP = "\u2013"  # in cells of two that never touch
+OFF = 50.0 * TOUCH_DISTANCE  # the error of a gap that is still kept well [% of leg length]
 
 
 def write_scene_report(
@@ -51,8 +51,8 @@ def write_scene_report(
 ) -> None:
     """Write the report on a scene or on the diff of two: one HTML file that any browser opens without a network.
 
-    `names` are those of the performers, then of the props. `a_name` and `b_name` are what the report of a diff calls
-    the two scenes.
+    `names` are those of the performers, then of the props. `a_name` and `b_name` are the names of the two scenes in the
+    report on a diff.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
@@ -94,21 +94,19 @@ def scene_diff_page(diff: SceneDiff, document: Values) -> str:
 
 
 def _skin_gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
-    """The table of gaps between skins; without rows where fewer than two performers have skins."""
+    """The table of gaps between skins; without rows if fewer than two performers have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.skin_gaps.items():
-        told = [f"{gap.error:.1f}", gap.worst.frame, " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
-        overlap = result.overlaps[i, j]
-        rows.append(
-            [f"{names[i]} and {names[j]}", str(gap.frames if gap else 0), *told, f"{overlap.depth:.1f}", overlap.frame]
-        )
+        cells = [f"{gap.error:.1f}", gap.worst.frame, " - ".join(gap.worst.parts)] if gap else [NO_GAP] * 3
+        overlap, frames = result.overlaps[i, j], str(gap.frames if gap else 0)
+        rows.append([f"{names[i]} and {names[j]}", frames, *cells, f"{overlap.depth:.1f}", overlap.frame])
     title = "Gaps between skins that touch in the source: their difference from the source\u2019s, in % of the height"
     columns = ["between", "frames", "mean", "worst frame", "parts", "in each other", "deepest frame"]
     return Table(title=title, columns=columns, rows=rows)
 
 
 def _gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
-    """The table of gaps between joints, where not both have skins."""
+    """The table of gaps between joints, for pairs of which not both have skins."""
     rows: list[list[str | int]] = []
     for (i, j), gap in result.gaps.items():
         if (i, j) not in result.skin_gaps:
@@ -130,10 +128,10 @@ def _player_page(
     tables: Sequence[Table],
     skin_gaps: Mapping[tuple[int, int], SkinContacts | None],
 ) -> str:
-    """The HTML of the page; `sides` are the titles of its sides, `bodies` are performers before props; `measured` is
-    what is measured of each performer, with its contacts, and `skin_gaps` are those of two performers with skins.
+    """The HTML of the page. `sides` are the titles of its sides; `bodies` are performers before props; `measured` has
+    the diff and the contacts of each performer, and `skin_gaps` the gaps of each two performers with skins.
 
-    All sides are shown in units of twice the leg length that the first performer has on the first; `scale` is in
+    The unit of length of all sides is twice the leg length of the first performer on the first side; `scale` is in
     units of the other sides per unit of the first, along the floor.
     """
     first, _ = measured[0]
@@ -161,7 +159,7 @@ def _facing(bodies: Sequence[ShownBody], up: Array) -> float:
 
 
 def _skins(pair: Pair, bodies: Sequence[ShownBody], gap: SkinContacts | None) -> Iterator[Row]:
-    """A row for each two parts of two performers whose skins touch on the first side: how far their gap is off."""
+    """A row for each two parts of two performers whose skins touch on the first side, with the error of their gap."""
     touches: dict[tuple[str, str], list[SkinContact]] = defaultdict(list)
     for touch in gap.touches if gap else ():
         touches[touch.parts].append(touch)
@@ -184,8 +182,8 @@ def _joint_of(body: ShownBody, part: str) -> Iterator[tuple[int, int]]:
 
 
 def _marks(pair: Pair, bodies: Sequence[ShownBody], ends: Sequence[tuple[int, int]]) -> list[list[tuple[int, int]]]:
-    """The joints of two bodies between which a mark is on each side, from those on the first and on the others; none
-    on any unless both have one.
+    """For each side the joints of two bodies between which a mark is shown; none unless both have one. `ends` are their
+    joints on the first side and on the others.
     """
     both = [*zip(pair, ends, strict=True)] if len(ends) == len(pair) else []
     sides = range(len(bodies[pair[0]].motions))
@@ -193,7 +191,7 @@ def _marks(pair: Pair, bodies: Sequence[ShownBody], ends: Sequence[tuple[int, in
 
 
 def _touching(pair: Pair, bodies: Sequence[ShownBody], leg: float, scale: float) -> Iterator[Row]:
-    """A row for each two regions of two bodies of which joints touch on the first side: how far the gap is off."""
+    """A row for each two regions of two bodies whose joints touch on the first side, with the error of their gap."""
     one, other = (bodies[number] for number in pair)
     of = [_joints(body) for body in (one, other)]
     a, b = (body.motions[0].positions[:, own] for body, (own, _) in zip((one, other), of, strict=True))
@@ -223,7 +221,7 @@ def _joints(body: ShownBody) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
 
 
 def _region(body: ShownBody, joint: int) -> str:
-    """The name of a body's region that one of the joints of B is in; only the body's for a prop."""
+    """The name of the region of a joint of B, with the body's; only the body's for a prop."""
     regions = body.matching.regions if body.matching else None
     return f"{body.name}'s {regions.names[regions.of_joint[joint]]}" if regions else body.name
 

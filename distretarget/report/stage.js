@@ -9,15 +9,15 @@ const FIELD = 26, SLOPE = 2 * Math.tan(FIELD * Math.PI / 360); // of the camera,
 const SAMPLES = 24; // frames from which the size of the view is found
 const PERFORMERS = ['result', 'amber', 'violet', 'green'];
 const COLOURS = {source: 'clay', copy: 'violet', result: 'result', prop: 'wood'};
-const RESTS = 200; // a picture that has been the same for so long rests [ms]
-const LABELS = 56; // that titles of views take above bodies, and as much below [pixels]
-const NARROW = 560; // a stage with less pixels shows two of three sides at first
+const RESTS = 200; // a picture that has not changed for this time rests [ms]
+const LABELS = 56; // height of the titles of views above bodies, and of the room below [pixels]
+const NARROW = 560; // a stage narrower than this shows two of three sides at first [pixels]
 export const MOST_VIEWS = 4; // of more sides one is shown at a time
-const NEAR = 50; // a joint that is farther from a click is not meant [pixels]
-const CLOSE = 1.3; // how far away a view from near is [body units]
-const VEILED = 0.4; // opacity of what another body is laid over
+const NEAR = 50; // largest distance of a click from the joint that it chooses [pixels]
+const CLOSE = 1.3; // distance of the camera in a close view [body units]
+const VEILED = 0.4; // opacity of a body under another one
 const CELL = 0.25, BLOCK = 1; // of the grid, and of its stronger lines [body units]
-const REACH = 7; // of the grid from its middle; the air hides it before [body units]
+const REACH = 7; // of the grid from its middle; fog hides it before [body units]
 const LIFT = 0.001; // of shadows over the floor, and of the grid over shadows [body units]
 
 /** The lines of a grid, in short pieces, as some drivers drop a line that begins behind the camera. */
@@ -34,17 +34,17 @@ function gridOf(cell, tone) {
   return Object.assign(new THREE.LineSegments(geometry, new THREE.LineBasicMaterial()), {tone});
 }
 
-/** What of some data needs other bodies on the stage if it changes. */
+/** The part of the data that decides which bodies are on the stage, as a text to compare. */
 const castOf = ({bodies, actors}) => JSON.stringify([bodies.map(({hash}) => hash), actors.map(
   ({side, role, body, parents, ends}) => [side, role, body, parents, ends])]);
 
-/** The actors of some data, not yet in motion; `sides` are how many there are. */
+/** The actors of some data, without motions; `sides` is the number of sides. */
 async function actorsOf(data, sides) {
   const bodies = await Promise.all(data.bodies.map(bodyOf)), seen = Array(sides).fill(0);
   return data.actors.map(({name, side, role, body: number, centre, ends}) => {
     const body = bodies[number], place = seen[side]++;
     const tone = role === 'other' ? PERFORMERS[place % 4] : COLOURS[role];
-    const plain = role === 'copy' || !body.stated.length;
+    const plain = role === 'copy' || !body.inFile.length;
     const materials = plain ? [new THREE.MeshLambertMaterial()] : materialsOf(body);
     materials.forEach(one => { one.userData = {transparent: one.transparent, opacity: one.opacity}; });
     return {name, side, role, centre, ends, tone, plain, materials, mesh: bendable(body, materials),
@@ -52,8 +52,8 @@ async function actorsOf(data, sides) {
   });
 }
 
-/** The `skin` of a mesh where it is seen at [0, 0]: the joint that moves it most, -1 where it is not, and `at` how far
- * from that joint it is while nothing is turned; `seen` are its vertices.
+/** The point of a mesh that is seen at [0, 0]: `skin`, the joint that moves it most, or -1 for no point, and `at`, its
+ * offset from that joint in the rest pose; `seen` are the projected vertices.
  */
 function skinAt({geometry: {index: {array: corners}}, body}, seen) {
   const cross = ([x, y], [u, v]) => x * v - y * u, each = body.joints.length / seen.length;
@@ -72,7 +72,7 @@ function skinAt({geometry: {index: {array: corners}}, body}, seen) {
   return {skin, at: [0, 1, 2].map(place)};
 }
 
-/** Frees what the graphics card holds of an object. */
+/** Frees the memory of an object on the graphics card. */
 function freed({geometry, material}) {
   geometry?.dispose();
   for (const one of [material ?? []].flat()) {
@@ -92,7 +92,7 @@ class Ground {
     scene.add(this.light, this.light.target, this.sky, this.grid);
   }
 
-  /** Lights it from the side that looks along `facing`. */
+  /** Lights it from beside the direction `facing`, an angle about y. */
   face(facing) {
     const {x, y, z} = this.light.position.setFromSphericalCoords(1, 0.51, facing + 0.7);
     this.flat.set(1, -x / y, 0, 0, 0, 0, 0, LIFT, 0, -z / y, 1, 0, 0, 0, 0, 1);
@@ -105,20 +105,20 @@ class Ground {
     return shadow;
   }
 
-  /** Takes the colours of the page, and returns that of the air, into which the ground fades. */
+  /** Takes the colours of the page, and returns that of the fog, into which the ground fades. */
   paint(scene) {
-    const air = new THREE.Color(colourOf('stage'));
-    scene.fog = new THREE.Fog(air, 1, 10);
+    const fog = new THREE.Color(colourOf('stage'));
+    scene.fog = new THREE.Fog(fog, 1, 10);
     this.sky.groundColor.set(colourOf('stage-below'));
     this.dark.color.set(colourOf('shadow'));
     for (const {material, tone} of this.grid.children) material.color.set(colourOf(tone));
-    return air;
+    return fog;
   }
 }
 
 export class Stage {
-  /** A stage for sides with these titles, still empty, the `first` alone if they are many; `repaint` is called when the
-   * camera moves.
+  /** An empty stage for sides with these titles; of many only the `first` is shown. `repaint` is called when the camera
+   * moves.
    */
   constructor(canvas, {sides, first = 0}, repaint) {
     this.sides = sides.map(title => ({title, shown: true, group: new THREE.Group(), actors: []}));
@@ -138,8 +138,8 @@ export class Stage {
     onTheme(() => this.paint());
   }
 
-  /** Shows the motions of some data, and its actors in place of those before where they are others; returns whether
-   * they are. What is shown stays until all is there, and the camera where it is, seen from the actors.
+  /** Shows the motions of some data, with new actors if they are others than before; returns whether they are. The old
+   * ones stay until all is loaded, and the camera keeps its position relative to the actors.
    */
   async take(data) {
     const cast = castOf(data), isNew = cast !== this.cast, turned = data.facing - this.facing;
@@ -160,7 +160,7 @@ export class Stage {
     return isNew;
   }
 
-  /** Puts actors on the stage in place of those that are there. */
+  /** Puts actors on the stage in place of those before. */
   engage(actors) {
     this.ground.face(this.facing);
     for (const side of this.sides) {
@@ -188,7 +188,7 @@ export class Stage {
     this.repaint();
   }
 
-  /** Where the performers of a side are at a frame, on the floor: [x, z]. */
+  /** The middle of the performers of a side at a frame, on the floor: [x, z]. */
   centre({actors}, frame) {
     const leads = actors.filter(({role}) => role !== 'prop'), seen = leads.length ? leads : actors;
     actors.forEach(({motion}) => motion.place(frame));
@@ -196,7 +196,7 @@ export class Stage {
     return [x, z];
   }
 
-  /** How wide and high the view of a side has to be [body units], and its middle over the clip, [x, z]. */
+  /** The width and height of the view of a side [body units], and its middle over the clip, [x, z]. */
   measured(side) {
     const middle = [0, 0];
     let wide = 0, high = 0;
@@ -225,9 +225,7 @@ export class Stage {
     return this.overlaid ? [seen] : seen.map(side => [side]);
   }
 
-  /** Looks from a direction, angles from the front about y and upwards [rad], at the whole room; pans and zooms are
-   * undone.
-   */
+  /** Looks at the whole room from a direction, angles from the front about y and upwards [rad]; undoes pan and zoom. */
   look(azimuth, elevation) {
     const target = this.controls.target.set(0, 0.48 * this.room.high, 0);
     this.camera.position.setFromSphericalCoords(1, Math.PI / 2 - elevation, this.facing + azimuth).add(target);
@@ -235,7 +233,7 @@ export class Stage {
     this.repaint();
   }
 
-  /** Looks from near at the middle of joints of the last side, at a frame; at the whole room if there are none. */
+  /** Looks closely at the middle of joints of the last side, at a frame; at the whole room if there are none. */
   approach(frame, joints) {
     if (!joints.length) return this.look(0.5, 0.2);
     const side = this.sides.at(-1), {camera, controls} = this, [{motion}] = side.actors;
@@ -246,7 +244,7 @@ export class Stage {
     controls.update();
   }
 
-  /** Goes so far away that the whole room is in view, where the views have changed since the last time. */
+  /** Moves the camera away until the whole room is in view, if the views have changed since the last time. */
   frame(aspect) {
     if (this.framed === aspect.toFixed(2)) return;
     this.framed = aspect.toFixed(2);
@@ -256,7 +254,7 @@ export class Stage {
     this.controls.update();
   }
 
-  /** Pixels per pixel of the page. Without a graphics card a picture that moves has few; when it rests it gets more. */
+  /** Pixels per pixel of the page. Without a graphics card a moving picture has fewer than one at rest. */
   sharpness(playing) {
     if (!SOFTWARE) return Math.min(devicePixelRatio, 2);
     const now = performance.now(), moving = playing || now - this.drawn < RESTS;
@@ -282,8 +280,8 @@ export class Stage {
     views.forEach((sides, k) => this.render(sides, this.camera, this.controls.target, [k * share, 0, share, height]));
   }
 
-  /** What is at a place on the canvas: the number of the nearest joint, `skinAt` it, and the role of their body; of
-   * bodies over each other it is the last.
+  /** The joint nearest to a place on the canvas, or -1, with `skinAt` the place and the role of their body; of overlaid
+   * bodies that is the last.
    */
   jointAt(left, top) {
     const {clientWidth, clientHeight} = this.canvas, share = clientWidth / this.views.length;
@@ -294,7 +292,7 @@ export class Stage {
       place.fromArray(places, 3 * k).add(side.group.position).project(this.camera);
       return [(place.x + 1) / 2 * share + view * share - left, (1 - place.y) / 2 * clientHeight - top, place.z];
     });
-    const away = seen(positions).map(([x, y, z]) => Math.hypot(x, y) + z); // of those at one place the nearer
+    const away = seen(positions).map(([x, y, z]) => Math.hypot(x, y) + z); // of joints at one place the nearer one
     const nearest = Math.min(...away);
     return {role, joint: nearest < NEAR ? away.indexOf(nearest) : -1,
       ...skinAt(mesh, seen(mesh.geometry.attributes.position.array))};

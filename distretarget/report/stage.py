@@ -1,5 +1,5 @@
-"""What a player shows: bodies in motion on its sides, frames to go to, and the rows of its timeline; and the page that
-shows motions and characters as they are.
+"""The data of a player: bodies in motion on its sides, frames to go to, and the rows of its timeline; and the page of
+`distretarget view`.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ RowKind = Literal["contact", "support", "skin"]
 Point = tuple[int, int]
 """An actor of the page, and one of its joints."""
 
-FAR = CONTACT_DISTANCE / 3  # a contact whose D is farther off than this is not kept well
-SHOWN_DEPTH = 0.3  # skin that is less deep inside than this is not shown [limits]
+FAR = CONTACT_DISTANCE / 3  # the error of D up to which a contact is kept well
+SHOWN_DEPTH = 0.3  # skin less deep inside than this is not shown [limits]
 TOUCHING, RESTING = " touching", " on floor"
-CODES = 254  # steps of how far something is off
-SPANS = 6  # times in which a row holds that are told
-# The kinds of the tracks that have a row for each part, and what is said of a part.
+CODES = 254  # steps of the error of a row
+SPANS = 6  # most spans of a row that its description lists
+# The tracks that have a row for each part, with the kind and the name of these rows.
 TRACKS: dict[str, tuple[RowKind, str]] = {
     "skin_depth": ("skin", "{} inside"),
     "skin_gap": ("contact", "{}" + TOUCHING),
@@ -56,40 +56,40 @@ TRACKS: dict[str, tuple[RowKind, str]] = {
     "support_height": ("support", "{}" + RESTING),
 }
 Jump = Mapping[str, object]
-"""A frame to go to, its kind, and a text that says why."""
-JUMPS = 12  # contacts that a menu lists
-STILL = "0.0333333"  # the time that a character without a motion is shown [s]
+"""A frame to go to, with a kind and a text for the menu."""
+JUMPS = 12  # contacts in the menu
+STILL = "0.0333333"  # the frame time of a character without a motion [s]
 MOST = 24  # actors on a page
-SMALL = 60_000  # characters for the rotations of a clip among many
+SMALL = 60_000  # `BUDGET` for a clip among many
 
 
 @dataclass(frozen=True, eq=False)
 class Row:
-    """Something that holds in some frames."""
+    """A row of the timeline: a contact, a support or skin inside, which is active in some frames."""
 
-    name: str  # what it is, such as "left hand - right hip"
-    kind: RowKind  # chooses its mark
-    values: Array  # (frames,), how far it is off, nan where it does not hold
-    limit: float  # the value up to which nobody minds
+    name: str  # such as "left hand - right hip"
+    kind: RowKind  # decides its mark
+    values: Array  # (frames,), the error, or for skin the depth; nan where it is not active
+    limit: float  # the value up to which it looks right
     unit: str  # of these values
-    points: Sequence[Sequence[Point]]  # the joints between which its mark is, for each side of the page
+    points: Sequence[Sequence[Point]]  # for each side of the page, the joints between which its mark is
     spots: NDArray[np.intp] | None = None  # (frames,), the joint at which its mark is instead, if that changes
-    marked: Sequence[MarkedContact] = ()  # what of it was found, dropped or added, as a contact file says it
+    marked: Sequence[MarkedContact] = ()  # its contacts that were found, dropped or added
 
     @property
     def spans(self) -> list[list[int]]:
-        """The first frame and the end of each time in which it holds."""
+        """The first frame and the end of each span in which it is active."""
         return list(spans_of(np.isfinite(self.values)).tolist())
 
     @property
     def data(self) -> dict[str, Any]:
-        """The row for the page: each frame is 0, or 1 and how far off it is, in `CODES` steps up to `top`."""
+        """The row for the page; codes are 0 in inactive frames, else 1 plus the value in `CODES` steps up to `top`."""
         most = float(np.nanmax(self.values, initial=0.0))
         top = max(3.0 * self.limit, most)
         codes = np.where(np.isfinite(self.values), 1 + np.rint(CODES * self.values / top), 0)
         spans = [f"{first}\u2013{end - 1}" for first, end in self.spans]
-        told = ", ".join([*spans[:SPANS], *["\u2026"] * (len(spans) > SPANS)])
-        account = f"frames {told}" if spans else "not measured"
+        listed = ", ".join([*spans[:SPANS], *["\u2026"] * (len(spans) > SPANS)])
+        account = f"frames {listed}" if spans else "not measured"
         return {
             "name": self.name,
             "kind": self.kind,
@@ -110,13 +110,14 @@ class Row:
 def rows_of(
     diff: Diff, solid: Capsules | None, actors: Sequence[int], prefix: str = "", marked: Sequence[MarkedContact] = ()
 ) -> list[Row]:
-    """Return the rows of a diff, their names after a prefix; `solid` is the surface of B, `actors` are the numbers of A
-    and of all others, which have the joints of B; `marked` are the contacts that were found, dropped and added. Rows of
-    those dropped and added come first.
+    """Return the rows of a diff, first those of contacts that were dropped or added.
+
+    `solid` is the surface of B; `actors` are the numbers of the actor of A and of all others, which have the joints of
+    B; `prefix` comes before names; `marked` are the contacts that were found, dropped and added.
     """
     contacts = [*_contacts(diff, actors)]
-    told = {name for row in contacts for name in row.name.split(" - ")}
-    rows = [*contacts, *(row for row in _tracks(diff, solid, actors) if row.name.removesuffix(TOUCHING) not in told)]
+    named = {name for row in contacts for name in row.name.split(" - ")}
+    rows = [*contacts, *(row for row in _tracks(diff, solid, actors) if row.name.removesuffix(TOUCHING) not in named)]
     rows = [*_with_marks(diff, rows, marked, actors)]
     rows.sort(key=lambda row: all(each.mark == "found" for each in row.marked))
     return [replace(row, name=prefix + row.name) for row in rows]
@@ -125,7 +126,7 @@ def rows_of(
 def _with_marks(
     diff: Diff, rows: Sequence[Row], marked: Sequence[MarkedContact], actors: Sequence[int]
 ) -> Iterator[Row]:
-    """Rows with what of them was found, dropped and added; one more for each that has no row."""
+    """Rows with their marked contacts; and a row for each two parts with marked contacts that have none."""
     left: dict[frozenset[str], list[MarkedContact]] = {}
     for each in marked:
         left.setdefault(frozenset(each.entry.parts), []).append(each)
@@ -147,13 +148,13 @@ def _with_marks(
 
 
 def _frames(marked: MarkedContact) -> slice:
-    """The frames of a marked contact, which has them."""
+    """The frames of a marked contact."""
     first, last = marked.entry.frames or (0, -1)
     return slice(int(first), int(last) + 1)
 
 
 def _nearest_joints(diff: Diff, parts: Sequence[str], frames: slice) -> Sequence[int]:
-    """The joints of B's parts, or joints called so, that are nearest to each other in some frames; none if unknown."""
+    """The joints of B nearest to each other in some frames, of regions or joints with these names; none if unknown."""
     regions, keys = diff.matching.regions, diff.b.skeleton.keys
     joints = [
         np.flatnonzero(regions.of_joint == regions.names.index(part)) if part in regions.names else [keys.index(part)]
@@ -178,7 +179,7 @@ def _points(diff: Diff, joints: Sequence[int], actors: Sequence[int]) -> list[li
 
 
 def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
-    """A row for each two regions that touch in A; where their skin is known, its gap judges, not the joints' D."""
+    """A row for each two regions that touch in A, with the error of the gap of skins if known, else of D."""
     contacts, skin = diff.comparison.contacts, diff.comparison.tracks["skin_gap"]
     for touch in contacts.touches:
         on = contacts.regions == contacts.candidates.names.index(touch.name)
@@ -194,14 +195,14 @@ def _contacts(diff: Diff, actors: Sequence[int]) -> Iterator[Row]:
 
 
 def margin_of(key: str) -> float:
-    """The value up to which nobody minds a metric."""
+    """The value of a metric up to which a result looks right."""
     limit = BY_KEY[key].limit
     assert limit is not None
     return limit.margin
 
 
 def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterator[Row]:
-    """A row for each part of what is measured of feet, other supports and skin."""
+    """A row for each part in the `TRACKS`: feet, other supports and skin."""
     target, keys = diff.matching.target, diff.b.skeleton.keys
     for key, (kind, text) in TRACKS.items():
         track, limit = diff.comparison.tracks[key], margin_of(key)
@@ -222,7 +223,7 @@ def _tracks(diff: Diff, solid: Capsules | None, actors: Sequence[int]) -> Iterat
 
 
 def _spots(diff: Diff, solid: Capsules, limb: str, values: Array) -> NDArray[np.intp]:
-    """(frames,), the joint of a limb that is deepest in other parts of the body, where values are known; else 0."""
+    """(frames,), the joint of a limb that is deepest in other parts of the body, in frames with a value; else 0."""
     joints = np.flatnonzero(find_segments(diff.matching.target).of_joint == SEGMENTS.index(limb))
     others = TOUCHABLE[LIMBS.index(limb), solid.segments]
     spots, frames = np.zeros(len(values), np.intp), np.flatnonzero(np.isfinite(values))
@@ -245,7 +246,7 @@ class ShownBody:
     meshes: tuple[SkinnedMesh | None, SkinnedMesh | None] = (None, None)  # the same as meshes
 
     def actor(self, side: int, role: Role, turn: Rotation, unit: float, floor: float) -> Actor:
-        """Return the body as it moves on a side, where performers have a role; others as in `Actor`."""
+        """Return the body as an actor on a side; `role` is that of performers, others as in `Actor`."""
         matching, other = self.matching, min(side, 1)
         return Actor(
             name=self.name,
@@ -264,15 +265,15 @@ class ShownBody:
 def bodies_in_motion(
     bodies: Sequence[ShownBody], sides: Mapping[str, Role], up: Array, units: tuple[float, float], facing: float
 ) -> dict[str, object]:
-    """Return what the player shows of bodies in one world, on sides with these titles and roles of performers.
+    """Return the data of bodies in one world, on `sides`: titles, with the roles of performers there.
 
-    `units` are the lengths that the first side and the others count in, `facing` is the direction seen from in front,
-    an angle from z about y.
+    `units` are the units of length of the first side and of the others; `facing` is the direction seen from in front,
+    an angle from z about y [rad].
     """
     floors = [
         min(lowest_skin(one.motions[-other], one.skins[other], one.meshes[other], up) for one in bodies if one.matching)
         for other in (0, 1)
-    ]  # all that stand in one world have one floor, that of its last side
+    ]  # of all performers of a world, in the motion of its last side
     actors = [
         body.actor(side, role, to_y_up(up), units[min(side, 1)], floors[min(side, 1)])
         for side, role in enumerate(sides.values())
@@ -283,14 +284,14 @@ def bodies_in_motion(
 
 
 def timeline(rows: Sequence[Row], jumps: Sequence[Jump] = ()) -> dict[str, Any]:
-    """Return what the timeline of the player shows; the beginnings of the first contacts follow the `jumps`."""
+    """Return the data of the timeline; `jumps` are followed by those to the first contacts."""
     starts = sorted((row.spans[0][0], row.name) for row in rows if row.kind == "contact" and row.spans)
     contacts = [{"frame": at, "kind": "Contacts", "text": f"{name} \u00b7 {at}"} for at, name in starts[:JUMPS]]
     return {"rows": [row.data for row in rows], "jumps": [*jumps, *contacts]}
 
 
 def facing(body: Body, motion: Motion, up: Array) -> float:
-    """Return where a body faces in the first frame, as an angle from z about y [rad]; 0 without legs."""
+    """Return the heading of a body in the first frame, as an angle from z about y [rad]; 0 without legs."""
     if body.legs is None:
         return 0.0
     left, right = (motion.positions[0, leg.hip] for leg in body.legs)
@@ -301,20 +302,20 @@ def facing(body: Body, motion: Motion, up: Array) -> float:
 def rows_of_body(
     body: ShownBody, diff: Diff, marked: Sequence[MarkedContact] = (), number: int = 0, among: int = 1
 ) -> list[Row]:
-    """Return the rows of a performer that is the `number`-th of some on a page; `marked` as for `rows_of`."""
+    """Return the rows of a performer, number `number` of `among` bodies on a side of a page; others as in `rows_of`."""
     numbers = range(number, len(body.motions) * among, among)
     return rows_of(diff, body.skins[1], numbers, f"{body.name}: " if among > 1 else "", marked)
 
 
 def view_page(actors: Sequence[Actor], title: str, first: int = 0) -> str:
-    """The HTML of a page that shows actors, each on a side of its own, the `first` alone if they are many; one has a
-    timeline.
+    """The HTML of a page with actors, each on a side of its own; the `first` is shown alone if they are many. A single
+    one has a timeline.
     """
     return html_page("scene", title, {"stage": stage_of(actors, first), "numbers": []})
 
 
 def stage_of(actors: Sequence[Actor], first: int = 0, budget: int = BUDGET) -> dict[str, object]:
-    """What `view_page` shows, as values for the player, with as many frames as fit in a budget."""
+    """The data of the player of `view_page`, with as many frames as the budget allows."""
     frame_time = min(actor.motion.frame_time for actor in actors)
     seconds = max(len(actor.motion) * actor.motion.frame_time for actor in actors)
     rows = _rows(actors[0]) if len(actors) == 1 else []
@@ -324,7 +325,7 @@ def stage_of(actors: Sequence[Actor], first: int = 0, budget: int = BUDGET) -> d
 
 
 def _rows(actor: Actor) -> list[Row]:
-    """What touches and rests in a motion; none where its body is not recognised."""
+    """The contacts and supports of a motion; none if its body is not recognised."""
     try:
         with np.errstate(all="ignore"):
             rows = rows_of(diff(actor.motion, actor.motion), actor.capsules, [0])
@@ -334,8 +335,8 @@ def _rows(actor: Actor) -> list[Row]:
 
 
 def actors_of(file: InputFile, side: int = 0, clip: str | None = None) -> list[Actor]:
-    """Return what a file shows, on sides from the number `side` on: its motion, each of its animations or that called
-    `clip`, or the rest pose where it has none; a DistretargetError if it cannot be read.
+    """Return the actors of a file, on sides from number `side` on: its motion; each of its animations, or that called
+    `clip`; or the rest pose if it has none. A DistretargetError if it cannot be read.
     """
     name, motions = Path(file.path).name, [*_motions(file, clip)]
     first = shown_actor(name, side, parse_full_target(file), motions[0][1] if motions else None)
@@ -359,7 +360,7 @@ def _motions(file: InputFile, clip: str | None) -> Iterator[tuple[str, Motion]]:
 
 
 def small_stage(source: InputFile, clip: str | None, result: InputFile) -> dict[str, object]:
-    """What plays a clip and its result, side by side, in few bytes; a DistretargetError if a file cannot be read."""
+    """The data of a player of a clip and its result, in few bytes; a DistretargetError if a file cannot be read."""
     roles: tuple[Role, Role] = ("source", "result")
     actors = []
     for side, (file, own) in enumerate(((source, clip), (result, f"#{len(animations_in(result))}"))):
@@ -370,7 +371,7 @@ def small_stage(source: InputFile, clip: str | None, result: InputFile) -> dict[
 
 
 def shown_actor(name: str, side: int, target: Target, motion: Motion | None) -> Actor:
-    """Return the actor for a target as its motion shows it, or in its rest pose, looking to the camera at first."""
+    """Return a target as an actor, in a motion or in its rest pose, facing the camera at first."""
     skeleton = target.skeleton if motion is None else motion.skeleton
     if motion is None or not len(motion):
         motion = Motion(skeleton, skeleton.offsets[None, 0], skeleton.unturned[None], STILL)

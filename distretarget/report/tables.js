@@ -1,4 +1,4 @@
-// Tables, whose numbers of frames are buttons that go there.
+// Tables, in which frames are buttons that go there.
 
 import {button, element} from './dom.js';
 import {goTo} from './playback.js';

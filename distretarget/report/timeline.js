@@ -1,29 +1,29 @@
-// The timeline: a row for each contact and each support, coloured by how far it is off.
+// The timeline: a row for each contact and each support, coloured by its error.
 
 import {$, button, element, shown} from './dom.js';
 import {clock, dragFrames, goTo, onFrame, repaint} from './playback.js';
 import {unpacked} from './motion.js';
 
-const PARTS = 1000; // of a row, at most: of frames that share one the worst is shown
+const PARTS = 1000; // of a row, at most; each has the colour of its worst frame
 const MARKS = {found: ['line-strong', 'top'], dropped: ['violet', 'center'], added: ['b', 'bottom']};
 
-/** How far a row is off at a frame, in its unit. */
+/** The error of a row at a frame, in its unit. */
 export const offAt = ({codes, top}, frame) => (codes[frame] - 1) / 254 * top;
 
-/** The name of the colour of a row at a frame: within its limit, over it, or over twice of it. */
+/** The name of the colour of a row at a frame: within its limit, over it, or over twice the limit. */
 export function levelAt(row, frame) {
   const value = offAt(row, frame), {limit} = row;
   return value <= limit ? 'within' : value <= 2 * limit ? 'warm' : 'over';
 }
 
-/** A background of stripes from one place of the clip to another, 0 to 1, each in the colour of a name. */
+/** A background of stripes, each [from, to, name of a colour], with places from 0 to 1 in the clip. */
 function stripes(parts) {
   const stops = parts.flatMap(([from, to, tone]) => [
     `transparent ${100 * from}%`, `var(--${tone}) ${100 * from}% ${100 * to}%`, `transparent ${100 * to}%`]);
   return `linear-gradient(to right, ${['transparent', ...stops, 'transparent'].join()})`;
 }
 
-/** The times in which a row holds, as `stripes` takes them. */
+/** The spans in which a row is active, as `stripes` takes them. */
 function levels(row) {
   const step = Math.ceil(clock.count / PARTS), made = [];
   for (let first = 0; first < clock.count; first += step) {
@@ -37,7 +37,7 @@ function levels(row) {
   return made;
 }
 
-/** The backgrounds of a row: thin stripes of what was found, dropped or added, and below them those of its levels. */
+/** The backgrounds of a row: thin stripes of its found, dropped and added contacts, and below them its levels. */
 function backgrounds(row) {
   const thin = Object.entries(MARKS).flatMap(([mark, [tone, place]]) => {
     const own = row.marked.filter(one => one.mark === mark);
@@ -47,7 +47,7 @@ function backgrounds(row) {
   return [...thin, `${stripes(levels(row))} var(--soft)`].join();
 }
 
-/** What a contact file says of the contact of a row that is nearest to a frame; nothing of a row that is none. */
+/** The entry, for a contact file, of the contact of a row nearest to a frame; {} for a row without contacts. */
 function entryAt({marked}, frame) {
   const away = ({frames: [from, last]}) => Math.max(from - frame, frame - last, 0);
   return marked.toSorted((one, other) => away(one) - away(other))[0] || {};
@@ -81,14 +81,14 @@ export function buildTimeline() {
   });
 }
 
-/** Shows other rows and returns them with their codes unpacked: 0, or how far off they are. */
+/** Shows rows in place of those before, and returns them with their codes unpacked. */
 export async function showRows(rows) {
   parts = await Promise.all(rows.map(async data => {
     const row = {...data, codes: await unpacked(data.codes, Uint8Array),
       spots: data.spots && await unpacked(data.spots, Uint16Array)};
-    const worst = row.codes.indexOf(row.codes.reduce((p, q) => Math.max(p, q))), told = `${row.name}: ${row.account}`;
-    const name = button(row.name, () => goTo(worst), {class: 'name', title: `${told}; go to the worst frame`});
-    const track = element('div', {class: 'track', role: 'img', 'aria-label': told}), value = element('span');
+    const worst = row.codes.indexOf(row.codes.reduce((p, q) => Math.max(p, q))), label = `${row.name}: ${row.account}`;
+    const name = button(row.name, () => goTo(worst), {class: 'name', title: `${label}; go to the worst frame`});
+    const track = element('div', {class: 'track', role: 'img', 'aria-label': label}), value = element('span');
     track.style.background = backgrounds(row);
     dragFrames(track);
     const part = {row, track, name, value}, choose = () => {

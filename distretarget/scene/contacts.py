@@ -1,5 +1,5 @@
-"""A scene: performers and props, and the contacts between them. Between two performers, these are pairs of joints that
-come near; a joint that touches a prop belongs where the placement of the prop takes its driver.
+"""A scene: performers and props, and the contacts between them. Contacts of two performers are pairs of joints that
+come near each other. A joint that touches a prop is drawn to where the placement of the prop takes its driver.
 """
 
 from __future__ import annotations
@@ -33,19 +33,19 @@ from distretarget.pipeline.performer import Performer
 from distretarget.scene.props import PlacedProp, Placement, nearest_places
 from distretarget.skin.capsules import IS_ARM, SEGMENTS
 
-Both = tuple[Array, Array]
+Both = tuple[Array, Array]  # of two performers
 
-FIRMER = 0.3  # times the stiffness of a pair within a body at D = `settings.reach`; it grows for nearer pairs ...
+RELATIVE_STIFFNESS = 0.3  # of a pair across bodies to one within a body at D = `settings.reach`; larger at less D ...
 NEAREST = 0.01  # ... until D is about this
 LEAST_STIFFNESS = 0.05  # pairs with less are left out
 NO_STIFFNESS = 1e-12  # added to a stiffness matrix so that it is never singular
 REGION_POINTS = 9  # most joints of a region that may touch others
-FREE_WEIGHT = 1e-6  # least weight of the place that a prop has while nobody holds it, in the fit to those who do
+FREE_WEIGHT = 1e-6  # least weight of a prop's free placement, beside those of the joints that hold it
 LEVER = 0.02  # the rotation of a joint that holds a prop weighs as much as a point at this distance [body units]
-TRUNK_GIVE = 0.2  # how far a trunk leans towards another performer, to the length of a limb that reaches [body units]
-# Parts that rest on their skin; hands are brought to it in the end (`scene.skin`). The last is none.
+TRUNK_COMPLIANCE = 0.2  # of a trunk, which leans to another performer; that of a limb is its length [body units]
+# (segments + 1,), whether a segment rests on its skin. Arms are left to `scene.skin`; the last entry is for no segment.
 RESTS_ON_SKIN = np.array([not IS_ARM[number] and "foot" not in name for number, name in enumerate(SEGMENTS)] + [False])
-OVER = 0.3  # a joint is over a prop if the way from there to it has at least this cosine to the vertical ...
+OVER = 0.3  # a joint is over a prop if the direction out of the prop has at least this cosine to the vertical ...
 REACHED_WITHIN = 0.5  # and the prop is nearer than this [leg lengths]
 MOVING = 1e-3  # weight of frames in which a joint still moves, as while somebody sits down
 
@@ -64,7 +64,7 @@ class ContactPoints:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class PerformerContacts:
-    """The pairs of joints of two performers that are near each other, with an entry for each pair in each frame."""
+    """The pairs of joints of two performers that are near each other: an entry for each pair and frame."""
 
     frames: Numbers  # (entries,), the frame
     joints: Numbers  # (2, entries), the joint of each performer
@@ -73,25 +73,25 @@ class PerformerContacts:
     vectors: Array  # (entries, 3), from the second to the first joint in the source, scaled [target file units]
 
     def gaps(self, one: Array, other: Array) -> Both:
-        """(entries,) each, the distance of the joints of each pair at positions (frames, joints, 3), and its due."""
+        """(entries,) each: the distance of the two joints at positions (frames, joints, 3), and the wanted one."""
         u, v = self.joints
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
-    def springs(self, alone: Both, now: Both, gives: Both, units: tuple[float, float]) -> list[Springs]:
-        """The springs that draw the joints of each performer to where they touch, in its body units, frames first: one
-        a joint, with the energies of all its pairs. `alone` and `now`, (frames, joints, 3), are the positions of both
-        without each other and at present [target file units], `gives`, (frames, joints), how far each joint goes to
-        meet the other, in proportion; `units` are the body units.
+    def springs(self, separate: Both, now: Both, compliances: Both, units: tuple[float, float]) -> list[Springs]:
+        """Return the springs on each performer, in its body units, frames first: one per joint, with the summed energy
+        of its pairs. `separate` and `now` are positions (frames, joints, 3), solved without each other and at present
+        [target file units]; joints close gaps in proportion to their `compliances`, (frames, joints); `units` are the
+        body units of both.
         """
 
         def of_pairs(values: Both) -> list[Array]:
             return [each[self.frames, joints] for each, joints in zip(values, self.joints, strict=True)]
 
-        (a, b), (c, d), (give, other) = of_pairs(alone), of_pairs(now), of_pairs(gives)
+        (a, b), (c, d), (own, other) = of_pairs(separate), of_pairs(now), of_pairs(compliances)
         change = a - b + self.f[:, None] * (self.vectors - (a - b)) - (c - d)
         length = lengths(self.vectors)
         e = self.vectors / np.maximum(length, 1e-12)[:, None]
-        share = (give / (give + other))[:, None]
+        share = (own / (own + other))[:, None]
         drawn = zip(self.joints, units, (c + share * change, d - (1.0 - share) * change), strict=True)
         return [
             self._summed(joints, share_across((length / unit) ** 2), e, place / unit, len(now[0]))
@@ -99,15 +99,15 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring for each joint, over `count` frames, where its pairs balance: each entry draws its joint to its
-        place in `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
+        """One spring per joint, over `count` frames, at the equilibrium of its pairs: each entry draws its joint to its
+        row of `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
         """
         touches = np.bincount(joints) > 0
-        kept, column = np.flatnonzero(touches), np.cumsum(touches) - 1
-        cell = self.frames * len(kept) + column[joints]
+        drawn, column = np.flatnonzero(touches), np.cumsum(touches) - 1
+        cell = self.frames * len(drawn) + column[joints]
 
         def summed(values: Array) -> Array:
-            return np.bincount(cell, values, count * len(kept)).astype(np.float64).reshape(count, len(kept))
+            return np.bincount(cell, values, count * len(drawn)).astype(np.float64).reshape(count, len(drawn))
 
         across, along = self.w * k, self.w * (1.0 - k)
         pull = along * (e * places).sum(axis=1)
@@ -117,15 +117,15 @@ class PerformerContacts:
             A[..., i, j] += summed(along * e[:, i] * e[:, j])
             A[..., j, i] = A[..., i, j]
         balanced = np.linalg.solve(A + NO_STIFFNESS * np.eye(3), Ay[..., None])[..., 0]
-        return Springs(kept, np.full(len(kept), -1), np.asarray(balanced, np.float64), A)
+        return Springs(drawn, np.full(len(drawn), -1), np.asarray(balanced, np.float64), A)
 
 
 def find_performer_contacts(
     one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
 ) -> PerformerContacts:
-    """Return the pairs of joints of two performers that are near each other: whose distance over the mean length of
-    both paths to the pelvis is below `settings.reach`, about as two hands of one body. `up` is the unit vector up.
-    Their vectors have the `scale` of the world, or that of Eq. (1) if it is less: hands that touch do not part because
+    """Return the pairs of joints of two performers that are near each other: their distance D, normalised by the mean
+    length of both paths to the pelvis, is below `settings.reach`. `up`, (3,), is the unit vector up. Vectors have the
+    `scale` of the world, or the ratio of path lengths as in Eq. (1) if smaller: hands that touch stay together where
     longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
@@ -143,7 +143,7 @@ def find_performer_contacts(
         f = activation(least, around, lead, settings.reach)[inside] if len(u) else D[inside]
         D = D[inside] / 2.0  # over both paths, for the stiffness
         w = pair_stiffness(f, D, (u, v + len(one.joints)), len(one.joints) + len(other.joints), settings)
-        w *= firmness(D, settings)
+        w *= relative_stiffness(D, settings)
         frames, pairs = np.nonzero(w > LEAST_STIFFNESS)
         u, v = u[pairs], v[pairs]
         d = a[inside][frames, u] - b[inside][frames, v]
@@ -155,11 +155,11 @@ def find_performer_contacts(
     return PerformerContacts(frames=frames, joints=joints, f=f, w=w, vectors=vectors)
 
 
-def firmness(D: Array, settings: ContactSettings) -> Array:
-    """The stiffness of pairs across bodies over that of pairs within a body, by their normalised distances D. Whole
-    bodies have to move; and the nearest count most, since hands of different size cannot keep all distances.
+def relative_stiffness(D: Array, settings: ContactSettings) -> Array:
+    """The stiffness of pairs across bodies, relative to pairs within a body, by normalised distance D. The nearest
+    pairs are the stiffest, since hands of different sizes cannot keep all distances.
     """
-    return FIRMER * (settings.reach + NEAREST) / (D + NEAREST)
+    return RELATIVE_STIFFNESS * (settings.reach + NEAREST) / (D + NEAREST)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -167,14 +167,14 @@ class PropContacts:
     """The joints of a performer that come near a prop."""
 
     joints: Numbers  # (joints,), of the target
-    source: Array  # (frames, joints, 3), where their drivers are [source file units]
+    source: Array  # (frames, joints, 3), positions of their drivers [source file units]
     distances: Array  # (frames, joints), of the drivers from the nearest point of the prop [source file units]
     f: Array  # (frames, joints), the activation, 0 to 1
     A: Array  # (frames, joints, 3, 3), the stiffness
-    rises: Array  # (frames, joints, 3), what is added to the places that the prop gives them, for thicker bodies
+    rises: Array  # (frames, joints, 3), offsets upwards, for bodies with thicker skin below [target file units]
 
     def places(self, placement: Placement) -> Array:
-        """(frames, joints, 3), where the joints belong on the prop [target file units]."""
+        """(frames, joints, 3), the wanted positions of the joints on the prop [target file units]."""
         return placement(self.source) + self.rises
 
     def springs(self, placement: Placement, clip: Clip) -> Springs:
@@ -184,26 +184,26 @@ class PropContacts:
         return Springs(self.joints, np.full(len(self.joints), -1), places / clip.unit, self.A)
 
     def gaps(self, now: Array, prop: Array, scale: float) -> tuple[Array, Array]:
-        """(frames, joints) each, the distances of joints from the prop, both (frames, n, 3), and their dues."""
+        """(frames, joints) each: the distances of joints from the prop, both (frames, n, 3), and the wanted ones."""
         return _nearest_distances(now[:, self.joints], prop), scale * self.distances + lengths(self.rises)
 
 
 def find_prop_contacts(
     points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
 ) -> PropContacts:
-    """Return the joints that come near the points of a prop, (frames, points, 3), as far as they are `free`, (frames,
-    points), from resting elsewhere. Distances count in lengths of a `leg` [source file units]; joints of one region
-    share their stiffness.
+    """Return the joints that come near a prop, whose points are (frames, points, 3). Distances are normalised by the
+    length of a `leg` [source file units], and joints of one region share their stiffness. `free`, (frames, points) of
+    the performer, scales activations; 0 while a joint rests elsewhere.
     """
     distances = _nearest_distances(points.source, prop)
     D = distances / leg
-    faultless = by_shot(median_of_three, points.shots, D)
-    f = activation(faultless, points.shots, settings.blend / frame_time, settings.reach) * free
+    without_spikes = by_shot(median_of_three, points.shots, D)
+    f = activation(without_spikes, points.shots, settings.blend / frame_time, settings.reach) * free
     on = np.flatnonzero(f.any(axis=0))
     ends = np.arange(len(on)), len(on) + points.regions[on]
     f, D, distances = f[:, on], D[:, on], distances[:, on]
     count = len(on) + int(points.regions.max(initial=0)) + 1
-    w = firmness(D, settings) * pair_stiffness(f, D, ends, count, settings)
+    w = relative_stiffness(D, settings) * pair_stiffness(f, D, ends, count, settings)
     w *= share_across((distances / (2.0 * leg)) ** 2)
     A = w[..., None, None] * np.eye(3)
     source = points.source[:, on]
@@ -224,17 +224,17 @@ class SceneContacts:
 
     performers: tuple[Performer, ...]  # as they are solved, one by one
     props: tuple[PlacedProp, ...]
-    between: Mapping[tuple[int, int], PerformerContacts]  # of each two performers, by their numbers
-    on_props: Mapping[tuple[int, int], PropContacts]  # of each performer and prop, by their numbers
-    gives: tuple[Array, ...]  # of each performer, (frames, joints), see `how_far_joints_give`
+    between: Mapping[tuple[int, int], PerformerContacts]  # by the numbers of two performers
+    on_props: Mapping[tuple[int, int], PropContacts]  # by the numbers of a performer and a prop
+    compliances: tuple[Array, ...]  # of each performer, (frames, joints), see `joint_compliance`
 
     def placements(self, now: Sequence[Motion]) -> list[Placement]:
-        """The placement of each prop while the performers move as they do now."""
+        """The placement of each prop for the present motions of the performers."""
         return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
 
     def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
-        """The best fit of a prop, in place and rotation, to all joints that hold it (Kabsch); these turn as they do
-        against the rotation copy, which turns as the source does.
+        """The best fit of a prop, in place and rotation, to all joints that hold it (Kabsch). The rotation of a joint
+        counts relative to its rotation copy, which turns as the source does.
         """
         holds, free = [], prop.free
         for i, grips in prop.grips.items():
@@ -259,22 +259,23 @@ class SceneContacts:
         best = nearest_rotations(H)
         return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", best, middle_a), best, free.scale)
 
-    def springs(self, now: Sequence[Motion], alone: Sequence[Motion] | None = None) -> list[Springs]:
-        """Return the springs from each performer to the others and to props; `alone` has the motions solved without
-        them. Without `alone`, in the first sweep, springs between performers have no stiffness.
+    def springs(self, now: Sequence[Motion], separate: Sequence[Motion] | None = None) -> list[Springs]:
+        """Return the springs from each performer to the others and to props. `separate` has the motions solved without
+        contacts between performers; without it, in the first sweep, springs between performers have no stiffness.
         """
-        start = alone or now
+        start = separate or now
         springs = [no_springs(len(one.clip)) for one in self.performers]
         for (i, j), near in self.between.items():
             one, other = self.performers[i], self.performers[j]
             positions = (start[i].positions, start[j].positions), (now[i].positions, now[j].positions)
-            drawn = near.springs(*positions, (self.gives[i], self.gives[j]), (one.clip.unit, other.clip.unit))
-            for number, each in zip((i, j), drawn, strict=True):
-                springs[number] = joined(springs[number], each if alone else each._replace(A=0.0 * each.A))
+            compliances = self.compliances[i], self.compliances[j]
+            of_both = near.springs(*positions, compliances, (one.clip.unit, other.clip.unit))
+            for number, each in zip((i, j), of_both, strict=True):
+                springs[number] = joined(springs[number], each if separate else each._replace(A=0.0 * each.A))
         return [joined(*both) for both in zip(springs, self.springs_to_props(now), strict=True)]
 
     def springs_to_props(self, now: Sequence[Motion], props: Container[int] | None = None) -> list[Springs]:
-        """Return the springs from each performer to all props, or to some, for performers that move like this."""
+        """Return the springs from each performer to props, all or those with the numbers `props`."""
         springs, places = [no_springs(len(one.clip)) for one in self.performers], self.placements(now)
         for (i, k), touching in self.on_props.items():
             if props is None or k in props:
@@ -282,7 +283,7 @@ class SceneContacts:
         return springs
 
     def gap_error(self, now: Sequence[Motion]) -> float:
-        """The mean error of the gaps in contacts [leg lengths]; 0 if nothing touches."""
+        """The mean |gap - wanted gap| of all contacts [leg lengths]; 0 if nothing touches."""
         placements, measured = self.placements(now), []
         for (i, j), near in self.between.items():
             leg = 0.5 * (self.performers[i].clip.leg + self.performers[j].clip.leg)
@@ -291,12 +292,12 @@ class SceneContacts:
             place, leg = placements[k], self.performers[i].clip.leg
             points = place(self.props[k].motion.positions)
             measured.append((*touching.gaps(now[i].positions, points, place.scale), leg))
-        errors = [np.abs(gaps - due)[due < TOUCH_DISTANCE * leg] / leg for gaps, due, leg in measured]
+        errors = [np.abs(gaps - wanted)[wanted < TOUCH_DISTANCE * leg] / leg for gaps, wanted, leg in measured]
         return float(np.concatenate(errors).mean()) if any(map(len, errors)) else 0.0
 
 
 def common_shots(performers: Sequence[Performer]) -> Shots:
-    """(frames,), the shots of several performers: a new one begins at the cuts of any."""
+    """(frames,), the shots of a scene: a new one begins at a cut in the clip of any performer."""
     return np.asarray(np.sum([one.clip.shots for one in performers], axis=0))
 
 
@@ -306,7 +307,7 @@ def copy_on_path(one: Performer) -> Motion:
 
 
 def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedProp]) -> SceneContacts:
-    """Find all contacts, and move supports that rest on another performer or on a prop to there."""
+    """Find all contacts. Supports on a prop that nobody holds move onto it; those on moving things are weakened."""
     points = [_contact_points(one) for one in performers]
     between, on_props, supported = {}, {}, []
     for i, j in combinations(range(len(performers)), 2):
@@ -324,13 +325,12 @@ def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedP
                 near = on_props[i, k] = replace(near, rises=rises_over(one, near, prop))
                 one = _resting_on(seated(one, near, prop), near, prop.free)
         supported.append(_yielding(one, moving))
-    return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(how_far_joints_give, supported)))
+    return SceneContacts(tuple(supported), tuple(props), between, on_props, tuple(map(joint_compliance, supported)))
 
 
-def how_far_joints_give(one: Performer) -> Array:
-    """(frames, joints), how far each joint goes to meet another performer's, in proportion [target file units]: one of
-    a limb as far as the limb is long up to it, one of the trunk, or of a limb that rests on the world, as the trunk
-    leans.
+def joint_compliance(one: Performer) -> Array:
+    """(frames, joints), the compliance of each joint in contacts with other performers [target file units]: that of the
+    trunk plus, on limbs that do not rest on the world, the limb's length up to the joint.
     """
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
@@ -339,23 +339,23 @@ def how_far_joints_give(one: Performer) -> Array:
     held = np.zeros((len(clip), len(skeleton)))
     for support, joint in enumerate(one.supports.joints):
         held[:, limbs[joint]] = np.maximum(held[:, limbs[joint]], one.supports.weights[:, support, None])
-    return np.asarray(length * (1.0 - held) + TRUNK_GIVE * clip.unit)
+    return np.asarray(length * (1.0 - held) + TRUNK_COMPLIANCE * clip.unit)
 
 
 def _contact_points(one: Performer) -> ContactPoints:
-    """The joints of a performer that may touch, a few of each region: fingers follow the hand."""
+    """The joints of a performer that may touch, a few of each region."""
     matching, distances = one.match.matching, one.clip.distances
     skeleton = matching.source.skeleton
     regions = matching.regions.of_joint[distances.targets]
-    kept: list[int] = []
+    chosen: list[int] = []
     for region in range(len(matching.regions.names)):
         points = np.flatnonzero(regions == region)
         tau = skeleton.paths_among(distances.sources[points])
-        kept += points[spread_out(tau, REGION_POINTS)].tolist() if len(points) else []
-    sources, joints = distances.sources[kept], distances.targets[kept]
+        chosen += points[spread_out(tau, REGION_POINTS)].tolist() if len(points) else []
+    sources, joints = distances.sources[chosen], distances.targets[chosen]
     return ContactPoints(
         joints=joints,
-        regions=regions[kept],
+        regions=regions[chosen],
         source=matching.source_motion.positions[:, sources],
         reach=skeleton.paths_from(matching.drivers.item(matching.pelvis))[sources],
         target_reach=matching.target.skeleton.paths_from(matching.pelvis)[joints],
@@ -364,8 +364,8 @@ def _contact_points(one: Performer) -> ContactPoints:
 
 
 def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
-    """The contacts of a performer with a prop. It does not draw feet that stand, nor the regions of the joints that
-    hold it, since it follows these; of several joints that hold it, each is drawn itself.
+    """The contacts of a performer with a prop. Standing feet are not drawn to it, nor regions that hold it, since the
+    prop follows these. Where several joints hold it, each of these joints is drawn, but not the rest of its region.
     """
     supports = one.supports
     free = np.ones((len(one.clip), len(points.joints)))
@@ -374,14 +374,14 @@ def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, hold
     leg = one.clip.leg_lengths[0] or one.match.matching.source.unit
     near = find_prop_contacts(points, prop.motion.positions, leg, free, one.clip.frame_time, one.settings)
     regions = one.clip.regions.of_joint
-    left = np.isin(regions[near.joints], regions[[*holders]])
+    left_out = np.isin(regions[near.joints], regions[[*holders]])
     if sum(map(len, prop.grips.values())) > 1:
-        left &= ~np.isin(near.joints, holders)
-    return replace(near, A=np.where(left[:, None, None], 0.0, near.A))
+        left_out &= ~np.isin(near.joints, holders)
+    return replace(near, A=np.where(left_out[:, None, None], 0.0, near.A))
 
 
 def _resting_on(one: Performer, near: PropContacts, free: Placement) -> Performer:
-    """Move supports, except feet, that touch a prop nobody holds to their places on the prop."""
+    """Move the places of supports, except feet, that touch a prop which nobody holds to the prop."""
     supports, places, on_prop = one.supports, np.array(one.supports.places), near.places(free)
     for support in range(supports.feet, len(supports.joints)):
         for column in np.flatnonzero(near.joints == supports.joints[support]):
@@ -390,7 +390,7 @@ def _resting_on(one: Performer, near: PropContacts, free: Placement) -> Performe
 
 
 def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) -> Performer:
-    """Weaken supports off the floor that touch what is `moving`: frames, joints and activations of contacts."""
+    """Weaken supports off the floor in contacts with `moving` performers and props: (frames, joints, activations)."""
     clip, supports, reach = one.clip, one.supports, REST_HEIGHT * one.clip.leg_lengths[1]
     floor = clip.scale.heights(clip.source_floor)[:, None]
     touched = np.zeros((len(clip), len(clip.regions.names)))
@@ -402,9 +402,9 @@ def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) 
 
 
 def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
-    """(frames, joints, 3), the `rises` of the joints of `near` [target file units]: upwards, to the height of the
-    source's skin over the prop, or on it; the mean over each rest. 0 for arms and feet, beside the prop, and without
-    thickness.
+    """(frames, joints, 3), the `rises` of prop contacts [target file units]: they bring the skin below a joint as high
+    over the prop as the source's, or onto it, with a constant height over each rest. 0 for arms and feet, for joints
+    beside the prop, and for bodies without skin.
     """
     clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
     if undersides is None:
@@ -424,7 +424,7 @@ def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
 
 
 def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
-    """Return the performer with its path raised or lowered by the mean of what its joints on a prop lack in height."""
+    """Return the performer with its path raised by the mean height that its joints lack to their places on a prop."""
     up, copied = one.clip.up, one.clip.copy_on_path(near.joints)
     weights = np.where(near.rises.any(axis=2), near.f, 0.0)
     if not weights.any():
@@ -436,7 +436,7 @@ def seated(one: Performer, near: PropContacts, prop: PlacedProp) -> Performer:
 
 
 def moved_by(one: Performer, by: Array) -> Performer:
-    """Return the performer moved by vectors, (frames, 3), and what rests by their mean [target file units]."""
+    """Return the performer moved by `by`, (frames, 3) [target file units], its supports by the mean over each rest."""
     clip, supports = one.clip, one.supports
     if not by.any():
         return one

@@ -1,6 +1,6 @@
 """Props that performers touch, hold or sit on. In each frame, a similarity takes a prop and the world around it to the
-world of the target. An OBJ file shows its surface by faces, or else by vertices, a skeleton the lines of its bones.
-Faces that enclose a volume have an inside and an outside, others are thin sheets.
+world of the target. The surface of a prop is that of its OBJ file, its faces or, without any, its vertices; any other
+prop has the lines of its bones. Faces that enclose a volume have an inside and an outside, others are thin sheets.
 """
 
 from __future__ import annotations
@@ -24,18 +24,18 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, extent, lengths, normalised
 from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS, SMALLEST
 
-MOST_POINTS = 4000  # into which faces are divided, about
+MOST_POINTS = 4000  # sample points on a surface, about
 MOST_PARTS = 60  # into which a side of a triangle is divided
-CANDIDATES = 6  # triangles that are looked at for the nearest place
+CANDIDATES = 6  # nearest samples, whose triangles are searched for the nearest point
 LEAST = 1e-9  # a shorter vector has no direction [any unit of length]
 PropScale = Literal["world"] | int | float
 
 
 @dataclass(frozen=True, eq=False)
 class PropSurface:
-    """The surface of a rigid prop: triangles, or points that stand alone; a SettingsError if the arrays do not fit."""
+    """The surface of a rigid prop: triangles, or single points; a SettingsError if the arrays do not fit."""
 
-    # (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point is there three times
+    # (triangles, 3, 3), relative to the prop's first joint while that is not turned; a point has three equal corners
     corners: Array  # [file units]
     normals: Array  # (triangles, 3), unit vectors out of the prop; 0 for a point
     closed: Flags  # (triangles,), whether each belongs to triangles that enclose a volume
@@ -58,8 +58,8 @@ class PropSurface:
         areas = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         wide = lengths(areas) > (LEAST * size) ** 2
         if not wide.any():
-            alone = np.unique(vertices, axis=0)
-            return cls(np.repeat(alone[:, None], 3, axis=1), np.zeros_like(alone), np.zeros(len(alone), bool))
+            points = np.unique(vertices, axis=0)
+            return cls(np.repeat(points[:, None], 3, axis=1), np.zeros_like(points), np.zeros(len(points), bool))
         corners, areas = corners[wide], areas[wide]
         closed, inwards = _parts(corners, areas, size)
         return cls(corners, normalised(np.where(inwards, -1.0, 1.0)[:, None] * areas), closed)
@@ -73,14 +73,14 @@ class PropSurface:
         counts = np.clip(np.ceil(sides / spacing), 1, MOST_PARTS).astype(int)
         points, of_triangle = [], []
         for count in np.unique(counts).tolist():
-            chosen, shares = np.flatnonzero(counts == count), _shares(count)
+            chosen, shares = np.flatnonzero(counts == count), _barycentric_grid(count)
             points.append(np.einsum("sk,tkc->tsc", shares, self.corners[chosen]).reshape(-1, 3))
             of_triangle.append(np.repeat(chosen, len(shares)))
         return KDTree(np.concatenate(points)), np.concatenate(of_triangle)
 
     def nearest(self, x: Array, farthest: float) -> tuple[Array, Array]:
-        """Return the places on the surface nearest to points x, (points, 3), by the triangles of the `CANDIDATES`
-        nearest samples, and the directions out of it there; nan where no place is nearer than `farthest`.
+        """Return the points of the surface nearest to points x, (points, 3), and the directions out of the prop there;
+        nan where the surface is farther than `farthest`. Only the triangles of the `CANDIDATES` nearest samples count.
         """
         tree, of_triangle = self._samples
         count = min(CANDIDATES, len(of_triangle))
@@ -94,19 +94,19 @@ class PropSurface:
         for each in found.T:
             place = _nearest_on_triangles(self.corners[each], self.normals[each], points)
             distance, over = lengths(points - place), ((points - place) * self.normals[each]).sum(axis=1)
-            alike = np.abs(distance - best) <= same  # along an edge, the triangle that faces the point
-            better = np.where(alike, np.abs(over) > np.abs(height), distance < best)
+            is_tie = np.abs(distance - best) <= same  # along an edge, the triangle that faces the point
+            better = np.where(is_tie, np.abs(over) > np.abs(height), distance < best)
             best[better], height[better], closed[better] = distance[better], over[better], self.closed[each][better]
             foot[better], normal[better] = place[better], self.normals[each][better]
         inward = np.where(closed & (height < 0.0), -1.0, 1.0)[:, None]
-        feet, ways = np.full_like(x, np.nan), np.full_like(x, np.nan)
+        feet, out = np.full_like(x, np.nan), np.full_like(x, np.nan)
         feet[near] = foot
-        ways[near] = np.where(best[:, None] > same, inward * normalised(points - foot), normal)
-        return feet, ways
+        out[near] = np.where(best[:, None] > same, inward * normalised(points - foot), normal)
+        return feet, out
 
 
 def _nearest_on_triangles(corners: Array, normals: Array, x: Array) -> Array:
-    """(points, 3), the place on each triangle, (points, 3, 3), that is nearest to each point x, (points, 3)."""
+    """(points, 3), the point of each triangle, (points, 3, 3), that is nearest to its point x, (points, 3)."""
     a = corners[:, 0]
     above = x - ((x - a) * normals).sum(axis=1)[:, None] * normals
     inside = np.asarray(normals.any(axis=1), bool)
@@ -123,8 +123,8 @@ def _nearest_on_triangles(corners: Array, normals: Array, x: Array) -> Array:
     return np.asarray(np.where(inside[:, None], above, place))
 
 
-def _shares(count: int) -> Array:
-    """Barycentric coordinates of the middles of the triangles that divide one into count^2."""
+def _barycentric_grid(count: int) -> Array:
+    """(count^2, 3), barycentric coordinates of the centres of the count^2 triangles into which one is divided."""
     up = [(3 * a + 1, 3 * b + 1) for a in range(count) for b in range(count - a)]
     down = [(3 * a + 2, 3 * b + 2) for a in range(count - 1) for b in range(count - 1 - a)]
     both = np.array(up + down, float) / (3 * count)
@@ -132,7 +132,7 @@ def _shares(count: int) -> Array:
 
 
 def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
-    """(triangles,) each, whether the connected part of a triangle is closed, and whether its triangles face inwards."""
+    """(triangles,) each: whether the connected part of a triangle is closed, and whether its triangles face inwards."""
     keys = np.round(corners.reshape(-1, 3) / (1e-6 * size)).astype(np.int64)
     joined = np.unique(keys, axis=0, return_inverse=True)[1].reshape(-1, 3)
     edges = np.concatenate([joined[:, [0, 1]], joined[:, [1, 2]], joined[:, [2, 0]]])
@@ -150,8 +150,8 @@ def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
 
 
 def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Array, Array]:
-    """Return the places on bones nearest to points x, (frames, points, 3), and the directions from there to them; the
-    joints are at `positions`, (frames, joints, 3), the first without a parent.
+    """Return the points on bones nearest to points x, (frames, points, 3), and the directions from there to x. The
+    joints are at `positions`, (frames, joints, 3); the first has no parent.
     """
     feet, out = np.empty_like(x), np.empty_like(x)
     for block in blocks_of(len(x)):
@@ -171,8 +171,8 @@ def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Arra
 
 
 def nearest_places(surface: PropSurface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-    """Return the places on a prop that moves like `motion` nearest to points x, (frames, points, 3), and the directions
-    out of it there: on its surface, where nan is farther than `farthest`, or without one on its bones.
+    """Return the points of a prop in `motion` nearest to points x, (frames, points, 3), and the directions out of it
+    there: on its surface, nan where that is farther than `farthest`, or without a surface on its bones.
     """
     if surface is None:
         return nearest_on_bones(motion.positions, motion.skeleton.parents, x)
@@ -201,7 +201,7 @@ class Grip:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Prop:
-    """A prop in the world of the performers; performers may touch its joints.
+    """A prop in the world of the performers, who may touch its joints and surface.
 
     Attributes:
         name: its name.
@@ -209,7 +209,7 @@ class Prop:
         scale: target units per source unit: "world", the scale of the world along the floor; the number of a performer
             (an int), the scale of that performer's heights; or a factor (a float), 1.0 for a prop that keeps its size.
         held_by: the joints that hold it. The prop follows them while they are near it.
-        surface: its surface, which the skins of performers lie on; None for the lines of the bones of its skeleton.
+        surface: its surface, which skins of performers stay outside of; None for the bones of its skeleton.
 
     Raises:
         SettingsError: the scale is none of these, or another argument has the wrong type.
@@ -240,7 +240,7 @@ class Prop:
             self.check_size(self.scale, 0.0)
 
     def check_size(self, scale: float, farthest: float) -> None:
-        """Raise a MotionError if with a scale the prop is too large to compute with, or gets as far as `farthest`."""
+        """Raise a MotionError if the prop, scaled, or its `farthest` coordinate is too large to compute with."""
         size = extent(self.motion.positions - self.motion.root_positions[:, None])
         if not max(farthest, scale * size) <= LARGEST:
             raise MotionError(
@@ -282,8 +282,8 @@ class PropResult:
         name: its name.
         motion: its motion in the target's world, scaled.
         source: its motion in the source, in the target's axes.
-        scale: target units per source unit of its size.
-        copy: its motion among the rotation copies of the performers.
+        scale: the size in `motion` over that in `source`.
+        copy: its motion with the rotation copies of the performers.
     """
 
     name: str
@@ -298,12 +298,12 @@ class Placement:
     """The similarity that takes a prop, and the source's world around it, to the target's world in each frame."""
 
     centre: Array  # (frames, 3), the centre of the prop in the source [source file units]
-    place: Array  # (frames, 3), where the centre goes [target file units]
+    place: Array  # (frames, 3), the centre in the target's world [target file units]
     turn: Array  # (frames, 3, 3), the rotation about the centre
     scale: float  # target units per source unit
 
     def __call__(self, points: Array) -> Array:
-        """The places of points (frames, points, 3)."""
+        """Take points of the source's world, (frames, points, 3), to the target's."""
         around = self.scale * (points - self.centre[:, None])
         return np.asarray(self.place[:, None] + around @ self.turn.swapaxes(1, 2))
 
@@ -322,6 +322,6 @@ class PlacedProp:
 
     name: str
     motion: Motion  # in the source, in the target's axes
-    free: Placement  # where it goes while nobody holds it
-    grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by the numbers of their performers
+    free: Placement  # its placement while nobody holds it
+    grips: Mapping[int, tuple[int, ...]]  # the target joints that hold it, by number of the performer
     surface: PropSurface | None = None  # None for its bones

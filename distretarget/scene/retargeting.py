@@ -41,7 +41,7 @@ from distretarget.pipeline.performer import Match, Transfer, match_performer
 from distretarget.pipeline.result import RetargetResult
 from distretarget.scene.contacts import SceneContacts
 from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult
-from distretarget.scene.skin import skins_in_company
+from distretarget.scene.skin import collision_skins
 from distretarget.scene.sweeps import solve_scene
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.target import AnyTarget, SkeletonEdit, Target
@@ -67,12 +67,12 @@ class SceneResult:
             `root_scale` makes before its legs are too short.
         gaps: the gap between each pair in source (A) and result (B); None if nothing touches.
         copy_gaps: the same in source and rotation copy.
-        skin_gaps: how well the gaps between the skins of each two performers that have skins are kept; None if no
+        skin_gaps: how well the gaps between skins are kept, for each two performers that have skins; None if no
             skins touch.
         overlaps: where each two performers that have skins are deepest in each other.
         sweeps: how many times all performers were solved.
         gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
-        units: for each performer, how many units of its target's file one of the world is, which is that of the first.
+        units: for each performer, its target file's units per unit of the world, whose unit is the first target's.
     """
 
     results: tuple[RetargetResult, ...]
@@ -115,14 +115,14 @@ def retarget_scene(
 
     The world has one scale along the floor, so that performers meet; each has its own scale upwards, so that it stands
     on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
-    prop to their places on it. Each performer is solved by itself, at first without the others, and all of them again
-    while the gaps are off; their order does not matter.
+    prop to their places on it. Each performer is solved by itself, at first without the others; then all are solved
+    again while the gaps are off. The order of performers does not matter.
 
-    Where only some bodies look to -Z by convention, as in VRM 0, these are turned round: all results look to +Z, and
-    files are written as their characters look.
+    Where some bodies look to -Z by convention, as in VRM 0, and others do not, all results look to +Z; files are
+    written in the convention of their characters.
 
-    Where the root scales of bodies differ by more than five times, their files are taken for ones in different units,
-    and results are in the unit of the first; `SceneResult.motions` are in their own.
+    Root scales that differ by more than five times show that files are in different units: then results are in the
+    unit of the first target, and `SceneResult.motions` in those of their targets.
 
     Args:
         sources: the performers' motions, in one world, with the same frames.
@@ -134,8 +134,8 @@ def retarget_scene(
             leg lengths, or less if the legs of one would be too short.
         supports: as in `retarget`.
         environment: as in `retarget`.
-        skin: as in `Options`, for all performers or for each. Where others have a thickness, one without counts as an
-            average body to them, unless its skin is "none".
+        skin: as in `Options`, for all performers or for each. A performer without skin has that of an average body to
+            performers with skin, unless its own is "none".
         builds: for each performer as in `retarget`.
         contacts: for each performer as in `retarget`.
         settings: as in `retarget`.
@@ -185,7 +185,7 @@ def retarget_transfers(
 ) -> SceneResult:
     """Retarget several performers who share a world; parameters and errors as in `retarget_scene`."""
     _check_times([each.source for each in transfers], props)
-    transfers, props = _looking_alike(transfers, props)
+    transfers, props = _facing_one_way(transfers, props)
     performers, heights, units = _in_one_unit(transfers)
     longest = [longest_strides(performer.matching) for performer in performers]
     level = world_scale or followed_scale(heights, longest)
@@ -195,8 +195,8 @@ def retarget_transfers(
         soles = height * rise_onto_soles(match.matching, height, match.undersides)  # on the floor that all share
         one = match.performer(RootScale(level, height, soles), given.options)
         prepared.append(one.with_supports(given.options, settings))
-    company = skins_in_company(performers, [each.options.skin for each in transfers])
-    solved = solve_scene(prepared, placed, company, contact_lists, mapper, progress)
+    skins = collision_skins(performers, [each.options.skin for each in transfers])
+    solved = solve_scene(prepared, placed, skins, contact_lists, mapper, progress)
     results, touching = list[RetargetResult](), solved.contacts
     each = zip(touching.performers, solved.poses, solved.motions, contact_lists, solved.unmet, strict=True)
     for number, (one, pose, posed, entries, unmet) in enumerate(each):
@@ -223,7 +223,7 @@ def retarget_transfers(
 
 
 def _of_each(name: str, given: Sequence[Value] | None, usual: Any, count: int, *kinds: type) -> Sequence[Value]:
-    """What is given for each of `count` performers, or else what is usual for all."""
+    """The values given for each of `count` performers; without any, the usual one for all."""
     values = [usual] * count if given is None else given
     _check_each(name, values, *kinds)
     return values
@@ -259,7 +259,7 @@ def _matched(transfers: Sequence[Transfer]) -> list[Match]:
 
 
 def _in_one_unit(transfers: Sequence[Transfer]) -> tuple[list[Match], list[float], tuple[float, ...]]:
-    """The performers, of a like size in the unit of the first target; their root scales; and `SceneResult.units`."""
+    """The performers in the unit of the first target, their root scales, and `SceneResult.units`."""
     performers = _matched(transfers)
     heights, units = [find_root_scale(one.matching) for one in performers], [1.0] * len(performers)
     if max(heights) > SAME_UNITS * min(heights):
@@ -279,7 +279,7 @@ def _in_one_unit(transfers: Sequence[Transfer]) -> tuple[list[Match], list[float
 
 @contextmanager
 def _performer(number: int, *, of_target: bool = False) -> Iterator[None]:
-    """Errors within are those of a performer."""
+    """Mark errors within as those of a performer, of its target if `of_target`."""
     try:
         yield
     except DistretargetError as error:
@@ -287,8 +287,8 @@ def _performer(number: int, *, of_target: bool = False) -> Iterator[None]:
         raise
 
 
-def _looking_alike(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tuple[Sequence[Transfer], Sequence[Prop]]:
-    """All as given; where bodies of some files look to -Z by convention and others do not, as those that look to +Z."""
+def _facing_one_way(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tuple[Sequence[Transfer], Sequence[Prop]]:
+    """Return performers and props, all looking to +Z where some but not all bodies look to -Z by convention."""
     if len({(each.source.skeleton.looks_back, each.goal.skeleton.looks_back) for each in transfers}) == 1:
         return transfers, props
     ahead = ((each, each.source.looking_ahead(), each.loaded.looking_ahead()) for each in transfers)
@@ -297,7 +297,7 @@ def _looking_alike(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tupl
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:
-    """A prop in the target's axes, and what holds it; else it goes along the floor at the scale `level`."""
+    """Place a prop in the target's world; scales are `level` along the floor and `heights` of the performers."""
     matching = performers[0].matching
     scale = level if prop.scale == "world" else prop.scale
     if isinstance(scale, int):
@@ -322,7 +322,7 @@ def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequ
 
 
 def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: Sequence[Motion]) -> Gaps:
-    """The gaps while performers move like this and props follow them."""
+    """The gaps between performers with these motions, and between them and the props that follow them."""
     each = zip(results, motions, strict=True)
     bodies = [[body_part(one.matching, one.source.positions, motion.positions)] for one, motion in each]
     props = []
@@ -333,12 +333,12 @@ def _gaps(contacts: SceneContacts, results: Sequence[RetargetResult], motions: S
 
 
 def _of_pairs(results: Sequence[RetargetResult], measure: Callable[..., Measured]) -> dict[tuple[int, int], Measured]:
-    """What is measured of each two performers that have skins, by their sources, results and the skins of both."""
+    """Call `measure` for each two performers with skins: with their sources, results, and skins of both."""
     known, found = {}, {}
     for number, one in enumerate(results):
         if one.skins:
-            of_source = find_skin(one.matching.source, one.skins.source.capsules, one.baseline.source_mesh)
-            known[number] = of_source, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
+            source_skin = find_skin(one.matching.source, one.skins.source.capsules, one.baseline.source_mesh)
+            known[number] = source_skin, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
     for i, j in combinations(known, 2):
         sources, motions = ([getattr(results[n], side) for n in (i, j)] for side in ("source", "motion"))
         found[i, j] = measure(sources, motions, *zip(known[i], known[j], strict=True))

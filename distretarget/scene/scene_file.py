@@ -48,7 +48,7 @@ EDITS: dict[str, Callable[[Node], object]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class SceneClip:
-    """The motion of a performer or a prop, by files."""
+    """The file with the motion of a performer or a prop."""
 
     name: str  # of the performer or prop, and of its result
     file: Path  # BVH, or for a prop also OBJ
@@ -58,8 +58,8 @@ class SceneClip:
 @dataclass(frozen=True, kw_only=True)
 class PerformerFiles(SceneClip):
     """A performer of a scene, with the paths of its target and of its map and contact files, if any. `skin` is as in
-    `retarget_scene`, or an average build or the path of a character as thick as the target; None for what the scene
-    says. `source_skin` is that of the source, if not what its own mesh shows.
+    `retarget_scene`, or an average build or the path of a character as thick as the target; None for that of the scene.
+    `source_skin` is such a build of the source; None for its own mesh.
     """
 
     target: Path
@@ -70,41 +70,41 @@ class PerformerFiles(SceneClip):
 
     @property
     def skin_files(self) -> list[Path]:
-        """The paths of the characters that say how thick target and source are."""
+        """The paths of the characters in `skin` and `source_skin`."""
         builds = (self.skin, self.source_skin)
         return [path for path in builds if isinstance(path, Path) and str(path) not in BUILDS]
 
     def recipe(self, options: Options) -> Recipe:
-        """Read how it is retargeted in a scene with these options; errors as in `load_map` and `load_build`."""
-        body = self.skin if isinstance(self.skin, Path) else None
+        """Read map and builds; `options` are those of the scene. Errors as in `load_map` and `load_build`."""
+        build = self.skin if isinstance(self.skin, Path) else None
         skin: SkinMode | None = "auto" if isinstance(self.skin, Path) else self.skin
         options = replace(options, skin=skin or options.skin)
-        thick = (self.source_skin, body) if options.skin != "none" else (None, None)
-        source, target = (load_build(path) if path else None for path in thick)
+        builds = (self.source_skin, build) if options.skin != "none" else (None, None)
+        source, target = (load_build(path) if path else None for path in builds)
         return Recipe(options, load_map(self.map_path), builds=Builds(source, target))
 
 
 @dataclass(frozen=True, kw_only=True)
 class PropFiles(SceneClip):
-    """A prop of a scene; `scale` and `held_by` are as in `Prop`. Of a part of a performer's file, such as a sword, the
-    joint above is the holder, unless `held_by` names others.
+    """A prop of a scene; `scale` and `held_by` are as in `Prop`. A prop in a performer's file, such as a sword, is held
+    by the joint above, unless `held_by` names others.
     """
 
-    part_of: Grip | None = None  # the joint at which it begins in that file
+    part_of: Grip | None = None  # the joint of a performer at which the prop begins; None for a file of its own
     scale: PropScale = "world"
     held_by: tuple[Grip, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True)
 class SceneSetup:
-    """A scene, with its files by their paths.
+    """A scene: the paths of its files, and its options.
 
     Attributes:
-        performers, props: who and what is in it.
+        performers, props: their files.
         world_scale, supports, environment, skin: as in `retarget_scene`.
         cut: cut all clips to the length of the shortest.
         resample: give all clips the frame time of the first.
-        edits: of all clips together, after that.
+        edits: edits of all clips together, after cutting and resampling.
     """
 
     performers: tuple[PerformerFiles, ...]
@@ -124,18 +124,18 @@ class SceneSetup:
 
     @property
     def names(self) -> list[str]:
-        """Their names."""
+        """The names of performers and props, in their order."""
         return [clip.name for clip in self.clips]
 
     @property
     def inputs(self) -> list[Path]:
         """The paths of all files of the scene."""
-        given = [(each.target, each.map_path, each.contacts, *each.skin_files) for each in self.performers]
-        return [*(clip.file for clip in self.clips), *filter(None, chain(*given))]
+        others = [(each.target, each.map_path, each.contacts, *each.skin_files) for each in self.performers]
+        return [*(clip.file for clip in self.clips), *filter(None, chain(*others))]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
-        """Read the motions of the performers, and the props, synchronised as `cut` and `resample` say; a
-        DistretargetError if a file cannot be read, ends before its start, or has no such prop.
+        """Read the edited motions of the performers, and the props; a DistretargetError if a file cannot be read, ends
+        before its start, or has no such prop.
         """
         count, own = len(self.performers), [prop for prop in self.props if prop.part_of is None]
         read = [_read(clip) for clip in (*self.performers, *own)]
@@ -146,11 +146,11 @@ class SceneSetup:
             motions[number] = motion
         with in_file(self.performers[0].file):
             motions = self.edits.together(motions[:count], motions[count:])
-        shown = ((motion, surface) for motion, (_, surface) in zip(motions[count:], read[count:], strict=True))
-        own_or_part = [next(shown) if prop.part_of is None else (None, None) for prop in self.props]
+        in_files = ((motion, surface) for motion, (_, surface) in zip(motions[count:], read[count:], strict=True))
+        parts = [next(in_files) if prop.part_of is None else (None, None) for prop in self.props]
         return motions[:count], [
-            _made(prop, motion, surface, motions)
-            for prop, (motion, surface) in zip(self.props, own_or_part, strict=True)
+            _prop_from(prop, motion, surface, motions)
+            for prop, (motion, surface) in zip(self.props, parts, strict=True)
         ]
 
     def retargeted(self) -> SceneResult:
@@ -172,7 +172,7 @@ class SceneSetup:
 
 
 def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
-    """The motion in a file from its start, if it has more than a frame, and the surface in an OBJ file."""
+    """The motion in a file, from `start` unless it has one frame only; and the surface in an OBJ file, else None."""
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
     if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
         vertices, triangles = parse_obj(file.text, clip.file)
@@ -183,11 +183,11 @@ def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
     if is_prop and len(motion) == 1:
         return motion, surface
     with in_file(clip.file):
-        return started(motion, clip.start), surface
+        return from_start(motion, clip.start), surface
 
 
-def started(motion: Motion, start: float) -> Motion:
-    """Return the motion without the time before its start [s]; raise a MotionError if it ends before that."""
+def from_start(motion: Motion, start: float) -> Motion:
+    """Return the motion from `start` on [s]; raise a MotionError if it ends before that."""
     first = round(start / motion.frame_time)
     if first >= len(motion):
         raise MotionError(f"lasts {len(motion) * motion.frame_time:g} s; start before that")
@@ -195,8 +195,8 @@ def started(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions, if asked for with the frame time of the first and cut to the shortest; raise a MotionError if
-    one that is resampled and not cut has other frames than the first.
+    """Return the motions: with `resample` at the frame time of the first, with `cut` as long as the shortest. Raise a
+    MotionError if resampled motions that are not cut differ in length.
     """
     time = motions[0].frame_time_text
     counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]
@@ -212,8 +212,8 @@ def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> lis
     return [motion[:frames] if cut and len(motion) > frames else motion for motion in motions]
 
 
-def _made(prop: PropFiles, motion: Motion | None, surface: PropSurface | None, sources: Sequence[Motion]) -> Prop:
-    """A prop with the motion in its own file, or with that of the joint where it begins."""
+def _prop_from(prop: PropFiles, motion: Motion | None, surface: PropSurface | None, sources: Sequence[Motion]) -> Prop:
+    """The prop with the motion of its own file; without one, with that of its joint in a performer's motion."""
     held_by = prop.held_by
     with in_file(prop.file):
         if motion is None:
@@ -268,7 +268,7 @@ def _performer(node: Node, folder: Path) -> PerformerFiles:
 
 
 def _skin(node: Node, folder: Path) -> SkinMode | Path:
-    """One of the modes, or a build."""
+    """A skin mode or a build."""
     modes: tuple[SkinMode, ...] = get_args(SkinMode)
     return next((mode for mode in modes if node.text() == mode), None) or _build(node, folder, modes)
 

@@ -1,9 +1,9 @@
-"""Skin of performers who share a world: limbs leave other bodies and props, and hands that touch them lie on them.
+"""Skin of performers who share a world: limbs are bent out of other bodies and props, and hands lie on what they touch.
 
-All performers are one body with many limbs, in one unit, so that limbs that meet give way alike. Hands that touch
-another performer or a prop in the source are drawn to its surface, on a performer to the same place of the body, and
-limbs leave what they are in (`objectives.skin`). For each ball of a limb, a prop has one ball, inside its surface at
-the point nearest to that ball, so that its size and shape do not matter.
+All performers are solved as one body with many limbs, in one unit, so that both limbs of a contact move. Hands that
+touch another performer or a prop in the source are drawn to its surface, on a performer to the same place of the body
+(`objectives.skin`). Each ball of a limb has one proxy ball on each prop, placed inside its surface at the nearest
+point, so that the size and shape of the prop do not matter.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ from distretarget.skin.limbs import bent
 from distretarget.skin.tangents import Displaced
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
-DRAWN_WITHIN = 0.2  # hands are not drawn to what is farther than this; fully from three quarters of it on [body units]
-WITHIN = 0.1  # radius of the balls that touch the surface of a prop from within [body units]
+DRAWN_WITHIN = 0.2  # hands are drawn to gaps below this, with full weight below three quarters of it [body units]
+PROXY_RADIUS = 0.1  # of the balls that touch the surface of a prop from within [body units]
 
-# Segments meet those of another body of the same or a lower rank; what is near the trunk hardly gives way.
+# Collisions of two bodies are those of segments with segments of the same or a lower rank.
 RANKS = {"hand": 4, "forearm": 4, "upper arm": 3, "shin": 2, "foot": 2, "thigh": 1}
 RANK = np.array([RANKS.get(name.partition(" ")[2], 0) for name in SEGMENTS])
-HARD = SEGMENTS.index("head")  # a prop is no softer than this, and all of it is one place
-WORSE = 0.01  # a limb that is deeper than before by more than this, on average, is not displaced [body units]
-# The segments of each of the first of `PARTS`, those that stay where they are while limbs bend.
+HARD = SEGMENTS.index("head")  # props count as this segment: hard, and one place
+WORSE = 0.01  # bends by which a limb gets deeper than before by more than this, on average, are undone [body units]
+# The segments of each of `PARTS` that is no part of an arm, and so stays in place while arms bend.
 STEADY_PARTS = [np.array([*map(SEGMENTS.index, names)]) for part, names in PARTS.items() if part not in ARM_PARTS]
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
@@ -58,33 +58,33 @@ class PropShape:
     """A prop whose shape is known: by its surface, or, without one, by its bones."""
 
     surface: PropSurface | None
-    follows: Flags  # (bodies, segments), the segments that it follows and does not keep off
-    is_within: Flags  # (bodies, segments), those that may enclose it as in the source
+    follows: Flags  # (bodies, segments), the segments that the prop follows, which do not collide with it
+    is_within: Flags  # (bodies, segments), the segments that may overlap with it as in the source
 
     @property
     def radius(self) -> float:
-        """The radius of the balls that stand for it [body units]."""
-        return WITHIN if self.surface else 0.0
+        """The radius of its proxy balls [body units]."""
+        return PROXY_RADIUS if self.surface else 0.0
 
 
 class Bodies:
-    """Several bodies and props as one: with the balls, capsules and limbs of all, in the mean body unit.
+    """Several bodies and props as one body, with the balls, capsules and limbs of all, in the mean body unit.
 
     Attributes:
-        skins: of each body; `sticks` says which have one for the others alone, not for themselves.
-        shapes: of each prop; `moved` returns the motions of all while the bodies move so.
+        skins: of each body. Skins of bodies marked in `are_sticks` collide with other bodies, not with themselves.
+        shapes: of each prop; `moved` returns the motions of the props for motions of the bodies.
         unit: the mean of their body units [file units].
-        balls: of all bodies, with the pairs of each and those of any two, and of each body and prop; those of prop k
-            for body i of n are those of a body of its own, number n + k n + i.
-        parts: (pairs, 2), the part of the body that the segments of a pair are; `HARD` for a prop.
-        encloses: (pairs,), whether the first may enclose the second as in the source.
-        displaced: how they move with the limbs of all bodies.
+        balls: of all bodies, with the pairs within a body, between two bodies, and between body and prop. The proxy
+            balls of prop k for body i of n are numbered as a body of their own, n + k n + i.
+        parts: (pairs, 2), the segments of each pair, without the number of the body; `HARD` for a prop.
+        encloses: (pairs,), whether the pair may overlap as in the source.
+        displaced: how balls and capsules move with the limbs of all bodies.
     """
 
     def __init__(
         self,
         skins: Sequence[BodySkin],
-        sticks: Sequence[bool] = (),
+        are_sticks: Sequence[bool] = (),
         shapes: Sequence[PropShape] = (),
         moved: Callable[[Sequence[Motion]], Sequence[Motion]] = lambda _motions: (),
     ) -> None:
@@ -96,7 +96,7 @@ class Bodies:
             np.cumsum([0, *map(len, lists)])
             for lists in ([b.carriers for b in own], [b.joints for b in own], [skin.limbs for skin in skins])
         )
-        pairs = [b.pairs + i * COUNT for i, b in enumerate(own) if not (sticks and sticks[i])]
+        pairs = [b.pairs + i * COUNT for i, b in enumerate(own) if not (are_sticks and are_sticks[i])]
         pairs += [_pairs_between(own, *both) for both in permutations(range(len(own)), 2)]
         spare = np.zeros((balls[-1], capsules[-1]))
         for i, (b, scale) in enumerate(zip(own, scales, strict=True)):
@@ -104,13 +104,13 @@ class Bodies:
             spare[rows][(b.spare == NEVER).all(axis=1)] = NEVER
             spare[rows, columns] = np.where(b.spare == NEVER, NEVER, scale * b.spare)
         radii = np.repeat([shape.radius for shape in shapes], balls[-1])
-        met = np.where(np.eye(balls[-1], dtype=bool) & (spare != NEVER).any(axis=1), 0.0, NEVER)
+        spare_of_prop = np.where(np.eye(balls[-1], dtype=bool) & (spare != NEVER).any(axis=1), 0.0, NEVER)
         of_ball, of_capsule = _starts([b.of_ball for b in own], balls), _starts([b.of_capsule for b in own], capsules)
         to_props = [capsules[-1] + k * balls[-1] + of_ball[1:] for k in range(len(shapes))]
         between = sum(map(len, pairs))
-        for (k, shape), (i, b) in product(enumerate(shapes), enumerate(own)):  # limbs, each with that of the prop
-            kept_off = np.flatnonzero((np.diff(b.of_ball) > 0) & ~shape.follows[i])
-            pairs.append(kept_off[:, None] + COUNT * np.array([i, len(own) * (k + 1) + i]))
+        for (k, shape), (i, b) in product(enumerate(shapes), enumerate(own)):  # each segment with its proxy
+            colliding = np.flatnonzero((np.diff(b.of_ball) > 0) & ~shape.follows[i])
+            pairs.append(colliding[:, None] + COUNT * np.array([i, len(own) * (k + 1) + i]))
         self.balls = Balls(
             carriers=np.concatenate([b.carriers + first for b, first in zip(own, capsules, strict=False)]),
             places=np.concatenate([b.places for b in own]),
@@ -122,7 +122,7 @@ class Bodies:
             of_ball=np.concatenate([of_ball, *[np.full(len(of_ball) - 1, balls[-1])] * len(shapes)]),
             of_capsule=np.concatenate([of_capsule, *to_props]),
             pairs=np.concatenate(pairs),
-            spare=np.concatenate([spare, *[met] * len(shapes)], axis=1),
+            spare=np.concatenate([spare, *[spare_of_prop] * len(shapes)], axis=1),
         )
         self.parts = self.balls.pairs % COUNT
         self.parts[between:, 1] = HARD
@@ -134,7 +134,7 @@ class Bodies:
         self.displaced = Displaced(
             limbs=np.concatenate([*moving, np.full(len(radii), -1)]),
             shares=np.concatenate([*(m.shares for m in shares), np.zeros((len(radii), 2, 2))]),
-            mutual=np.equal(*np.isin(self.parts, np.flatnonzero(RANK > 2)).T),  # as of one body
+            mutual=np.equal(*np.isin(self.parts, np.flatnonzero(RANK > 2)).T),  # two arms, or none
         )
 
     def gaps(self, motions: Sequence[Motion]) -> Array:
@@ -147,7 +147,7 @@ class Bodies:
         return np.concatenate([skin.unit / self.unit * limb_places(skin, motion) for skin, motion in both], axis=1)
 
     def bent(self, motions: Sequence[Motion], moves: Array) -> list[Motion]:
-        """The motions with limbs displaced, (frames, limbs, 2, 3) [mean body units]."""
+        """The motions with limbs displaced by `moves`, (frames, limbs, 2, 3) [mean body units]."""
         parts = np.split(self.unit * moves, np.cumsum([len(skin.limbs) for skin in self.skins])[:-1], axis=1)
         return [bent(*each) for each in zip(motions, [skin.limbs for skin in self.skins], parts, strict=True)]
 
@@ -159,80 +159,81 @@ class Bodies:
             t, of_limbs = self.balls.places[:, None], posed[:, self.balls.carriers]
             centres = (1.0 - t) * of_limbs[:, :, 0] + t * of_limbs[:, :, 1]
             props = zip(self.shapes, self.moved(motions), strict=True)
-            posed = np.concatenate([posed, *(self._within(*prop, centres) for prop in props)], axis=1)
+            posed = np.concatenate([posed, *(self._proxies(*prop, centres) for prop in props)], axis=1)
         return posed
 
-    def _within(self, shape: PropShape, motion: Motion, centres: Array) -> Array:
-        """(frames, balls, 2, 3), where the balls of a prop are that touch its surface next to those of limbs about
-        `centres`, (frames, balls, 3); out of reach for those that are far off [mean body units].
+    def _proxies(self, shape: PropShape, motion: Motion, centres: Array) -> Array:
+        """(frames, balls, 2, 3), the proxy balls of a prop, as capsules of length 0, for the balls of limbs at
+        `centres`, (frames, balls, 3); out of reach where the prop is far off [mean body units].
         """
         far = DRAWN_WITHIN + self.balls.radii.max(initial=0.0)
         feet, out = nearest_places(shape.surface, motion, self.unit * centres, self.unit * far)
-        within = feet / self.unit - shape.radius * out
-        within = np.where(np.isfinite(within), within, centres + 4.0 * far)
-        return np.repeat(within[:, :, None], 2, axis=2)
+        places = feet / self.unit - shape.radius * out
+        places = np.where(np.isfinite(places), places, centres + 4.0 * far)
+        return np.repeat(places[:, :, None], 2, axis=2)
 
 
 def _pairs_between(own: Sequence[Balls], i: int, j: int) -> Numbers:
-    """(pairs, 2), the segments of the limbs of body i that can touch those of body j; two of the same rank once."""
+    """(pairs, 2), the limb segments of body i that collide with segments of body j; two of the same rank once."""
     limbs, parts = np.flatnonzero(np.diff(own[i].of_ball)), np.flatnonzero(np.diff(own[j].of_capsule))
     pairs = [(a, b) for a in limbs for b in parts if RANK[a] > RANK[b] or (RANK[a] == RANK[b] > 0 and i < j)]
     return np.asarray(np.array(pairs, np.intp).reshape(-1, 2) + COUNT * np.array([i, j]))
 
 
 def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
-    """Joined lists of where segments begin, the last of each being its end."""
+    """Concatenate lists of where segments begin, each with its end last; `firsts` are the offsets of the lists."""
     starts = [own[:-1] + first for own, first in zip(numbers, firsts, strict=False)]
     return np.asarray(np.concatenate([*starts, firsts[-1:]]))
 
 
-def skins_in_company(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
-    """Return the surface of each performer that others stay outside of: its own, else an average one, or None."""
-    if not any(match.skins for match in matches):
-        return [None] * len(matches)
-
-    found = []
+def collision_skins(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
+    """Return the surface of each performer that others stay outside of: its own, else, unless its mode is "none", an
+    average one if somebody else has a skin.
+    """
+    found, any_skin = [], any(match.skins for match in matches)
     for match, mode in zip(matches, modes, strict=True):
         bodies, skins = (match.matching.source, match.matching.target), match.skins
-        if skins is None and mode != "none":
+        if any_skin and skins is None and mode != "none":
             skins = Skins.of(match.matching, *(average_for(body).on(body) for body in bodies))
         found.append(skins)
     return found
 
 
 def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[Skins | None]) -> list[Motion]:
-    """Return the performers' motions with limbs bent as their own skins ask, and those that they have to the others."""
+    """Return the performers' motions with limbs bent by their own skins, then by the `skins` of all and by props."""
     performers = contacts.performers
     unbent = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
     known = {number: skin for number, skin in enumerate(skins) if skin}
     if not known:
         return unbent
     numbers, shapes = [*known], _find_shapes(contacts, known)
-    sticks, props = [performers[i].match.skins is None for i in numbers], [contacts.props[k].motion for k in shapes]
-    sources = Bodies([skin.source for skin in known.values()], sticks, [*shapes.values()], lambda _: props)
+    are_sticks, props = [performers[i].match.skins is None for i in numbers], [contacts.props[k].motion for k in shapes]
+    sources = Bodies([skin.source for skin in known.values()], are_sticks, [*shapes.values()], lambda _: props)
     posed = _with_own_skins(contacts, unbent, sources, known)
     if len(known) < 2 and not shapes:
         return posed
     to_props = contacts.springs_to_props(posed, {*range(len(contacts.props))} - shapes.keys())
-    chosen = [_free_of(_drawn(performers[i], to_props[i]), [contacts.on_props[i, k] for k in shapes]) for i in numbers]
+    drawn = [_with_springs(performers[i], to_props[i]) for i in numbers]
+    touched = [[contacts.on_props[i, k] for k in shapes] for i in numbers]
+    with_skin = [_without_supports_on(*each) for each in zip(drawn, touched, strict=True)]
 
-    def all_moved(moved: Sequence[Motion]) -> list[Motion]:
+    def all_motions(moved: Sequence[Motion]) -> list[Motion]:
         return [moved[numbers.index(i)] if i in numbers else now for i, now in enumerate(posed)]
 
-    def props_moved(moved: Sequence[Motion]) -> list[Motion]:
-        places = contacts.placements(all_moved(moved))
+    def prop_motions(moved: Sequence[Motion]) -> list[Motion]:
+        places = contacts.placements(all_motions(moved))
         return [places[k].moved(contacts.props[k].motion) for k in shapes]
 
-    bodies = Bodies([skin.target for skin in known.values()], sticks, [*shapes.values()], props_moved)
-    apart = _apart(chosen, bodies, sources, [posed[i] for i in numbers])
-    return all_moved(_where_it_helps(chosen, bodies, [unbent[i] for i in numbers], apart))
+    bodies = Bodies([skin.target for skin in known.values()], are_sticks, [*shapes.values()], prop_motions)
+    separated = _separated(with_skin, bodies, sources, [posed[i] for i in numbers])
+    return all_motions(_without_worse_bends(with_skin, bodies, [unbent[i] for i in numbers], separated))
 
 
 def _with_own_skins(
     contacts: SceneContacts, unbent: Sequence[Motion], sources: Bodies, known: Mapping[int, Skins]
 ) -> list[Motion]:
-    """The motions with limbs bent as their own skins ask. A limb whose skin touches another performer in the source, or
-    that is drawn to a prop or to one without skin, touches nothing of its own body.
+    """The motions with limbs bent by their own skins. A limb whose skin touches another performer in the source, or
+    that is drawn to a prop or to a performer without skin, has no contacts with its own body.
     """
     performers, posed = contacts.performers, [*unbent]
     clips = [performers[i].clip for i in known]
@@ -246,14 +247,14 @@ def _with_own_skins(
             segments = np.setdiff1d(skin.target.of_joint[[*limb.joints]], [-1])
             own = np.isin(pairs, row * COUNT + segments).any(axis=1)
             touching[:, number] = near[:, own & between].max(axis=1, initial=0.0)
-        others = np.maximum(one.clip.widened(touching, BLEND), _drawn_to(_drawn(one, drawn[i]), skin.target))
-        posed[i] = one.with_own_skin(unbent[i], alone=1.0 - others)
+        others = np.maximum(one.clip.widened(touching, BLEND), _pull(_with_springs(one, drawn[i]), skin.target))
+        posed[i] = one.with_own_skin(unbent[i], own_contacts=1.0 - others)
     return posed
 
 
 def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[int, PropShape]:
-    """The shapes of the props, by their numbers. A prop follows a hand that alone holds it, and does not keep it off; a
-    stick, of which only the line is known, may be within hands that hold it.
+    """The shapes of the props, by their numbers. A prop does not collide with a hand that is its only holder, since it
+    follows this hand; a prop without a surface, such as a stick, may be within the hands that hold it.
     """
     shapes = {}
     for k, prop in enumerate(contacts.props):
@@ -270,25 +271,24 @@ def _find_shapes(contacts: SceneContacts, skins: Mapping[int, Skins]) -> dict[in
     return shapes
 
 
-def _free_of(one: Performer, touching: Sequence[PropContacts]) -> Performer:
-    """The performer with supports, but for feet, let go while they touch a prop: its shape holds them."""
+def _without_supports_on(one: Performer, props: Sequence[PropContacts]) -> Performer:
+    """The performer without supports, except feet, while these touch props: the shapes of the props hold them."""
     supports, weights = one.supports, np.array(one.supports.weights)
-    for near in touching:
+    for near in props:
         for support in range(supports.feet, len(supports.joints)):
             f = near.f[:, near.joints == supports.joints[support]]
             weights[:, support] *= 1.0 - f.max(axis=1, initial=0.0)
     return replace(one, supports=replace(supports, weights=weights))
 
 
-def _drawn(one: Performer, springs: Springs) -> Performer:
-    """Return the performer with its scene springs."""
+def _with_springs(one: Performer, springs: Springs) -> Performer:
     return replace(one, supports=replace(one.supports, scene_springs=springs))
 
 
-def _apart(
+def _separated(
     performers: Sequence[Performer], bodies: Bodies, sources: Bodies, posed: Sequence[Motion]
 ) -> Sequence[Motion]:
-    """The motions of performers with hands that touch others or props drawn to them, and then all skins apart."""
+    """The motions with limbs bent out of other bodies and props, and hands drawn to what they touch of these."""
     balls, clips = bodies.balls, [each.clip for each in performers]
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
@@ -298,10 +298,10 @@ def _apart(
     spots = Spots.of(balls.pairs[:, 0], PLACE[parts[:, 1]] + COUNT * other)  # on each performer and prop
     of_hands = np.where((one != other) & IS_HAND[parts].any(axis=1), in_source, APART)
     touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / DRAWN_WITHIN))
-    free = []  # not while limbs touch a prop without a shape
-    for one_of_all, skin in zip(performers, bodies.skins, strict=True):
-        alone = 1.0 - _drawn_to(one_of_all, skin)
-        free.append(how_free(one_of_all.clip, skin, one_of_all.supports, one_of_all.settings) * alone[..., None])
+    free = []  # not while springs draw limbs to a prop without a shape
+    for performer, skin in zip(performers, bodies.skins, strict=True):
+        undrawn = 1.0 - _pull(performer, skin)
+        free.append(how_free(performer.clip, skin, performer.supports, performer.settings) * undrawn[..., None])
     limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
     touching = by_shot(partial(averaged, reach=round(BLEND / clips[0].frame_time)), shots, touching)
     frames = Frames(
@@ -311,23 +311,23 @@ def _apart(
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         aims=spots.least(np.maximum(in_source, least)),
         firmness=touching,
-        **_on_others(sources, bodies, [clip.source for clip in clips], posed, spots, in_source, touching),
+        **_anchors_on_others(sources, bodies, [clip.source for clip in clips], posed, spots, in_source, touching),
     )
     moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
     return bodies.bent(posed, moves)
 
 
-def _on_others(
+def _anchors_on_others(
     sources: Bodies,
     bodies: Bodies,
-    before: Sequence[Motion],
+    source_motions: Sequence[Motion],
     posed: Sequence[Motion],
     spots: Spots,
     in_source: Array,
     firmness: Array,
 ) -> dict[str, Array]:
-    """The fields of `Frames` that bring the middles of hands to the places of other performers that they touch. The
-    sources move as `before`; `posed`, `spots`, `in_source` and `firmness` as in `anchors`.
+    """The anchor fields of `Frames`, which bring the middle of a hand to the same place of another performer's body as
+    in `source_motions`; `posed`, `spots`, `in_source` and `firmness` as in `anchors`.
     """
     count, kinds = len(bodies.skins), len(STEADY_PARTS)
     firsts = np.cumsum([0, *(len(skin.limbs) for skin in bodies.skins)])
@@ -337,9 +337,9 @@ def _on_others(
         touched, own = sources.skins[j].landmarks, bodies.skins[j].landmarks
         if touched is None or own is None:
             continue
-        axes = touched.axes(before[j]), own.axes(posed[j])
+        axes = touched.axes(source_motions[j]), own.axes(posed[j])
         for limb, (hand, *_) in shared_hands(one, other).items():
-            points, now = _middle(one, before[i], hand), _middle(other, posed[i], hand)
+            points, now = _middle(one, source_motions[i], hand), _middle(other, posed[i], hand)
             places, out, _ = rays(*axes, np.repeat(points[:, None, None], len(PARTS), axis=2))
             at = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds]
             fields["off"][at] = (now[:, None] - places[:, 0, :kinds]) / bodies.unit
@@ -351,38 +351,38 @@ def _on_others(
 
 
 def _middle(skin: BodySkin, motion: Motion, segment: int) -> Array:
-    """(frames, 3), the middle of the balls of a segment [file units]."""
+    """(frames, 3), the mean centre of the balls of a segment [file units]."""
     return np.asarray(skin.unit * skin.centres(skin.posed(motion), segment).mean(axis=1))
 
 
-def _drawn_to(one: Performer, body: BodySkin) -> Array:
-    """(frames, limbs), how firmly each limb is drawn to other performers or props, 0 to 1."""
-    drawn = np.zeros((len(one.clip), len(body.limbs)))
+def _pull(one: Performer, body: BodySkin) -> Array:
+    """(frames, limbs), the largest weight, 0 to 1, with which scene springs draw a joint of each limb."""
+    pull = np.zeros((len(one.clip), len(body.limbs)))
     for joint, weight in one.supports.touches:
         for number, limb in enumerate(body.limbs):
             if joint in one.clip.skeleton.subtree(limb.top):
-                drawn[:, number] = np.maximum(drawn[:, number], weight)
-    return drawn
+                pull[:, number] = np.maximum(pull[:, number], weight)
+    return pull
 
 
-def _where_it_helps(
+def _without_worse_bends(
     performers: Sequence[Performer], bodies: Bodies, before: Sequence[Motion], after: Sequence[Motion]
 ) -> Sequence[Motion]:
-    """The motions `after` limbs are bent, without bends that make it worse: a limb that was in a prop stays as `before`
-    in each span in which it is displaced and then on average deeper in others, as between a body and a wall.
+    """The motions `after` limbs are bent, without harmful bends: a limb that was inside a prop, and is bent deeper into
+    something on average over a span of frames, as between a body and a wall, stays there as it was `before`.
     """
     balls, (limbs, others) = bodies.balls, bodies.balls.pairs.T
     on, of_prop = bodies.displaced.limbs[balls.carriers[balls.of_ball[limbs]]], others >= COUNT * len(after)
-    gaps, own_gaps = (bodies.gaps(motions) for motions in (before, after))
-    moves = np.abs(bodies.limbs(after) - bodies.limbs(before)).max(axis=(2, 3)) > NOTHING
+    gaps, bent_gaps = (bodies.gaps(motions) for motions in (before, after))
+    is_bent = np.abs(bodies.limbs(after) - bodies.limbs(before)).max(axis=(2, 3)) > NOTHING
     shots, rotations = common_shots(performers), [motion.rotations.copy() for motion in after]
     for limb, (number, joint) in enumerate((i, each.top) for i, skin in enumerate(bodies.skins) for each in skin.limbs):
-        depth, own_depth = (-each[:, on == limb].min(axis=1, initial=0.0) for each in (gaps, own_gaps))
+        depth, bent_depth = (-each[:, on == limb].min(axis=1, initial=0.0) for each in (gaps, bent_gaps))
         in_prop = gaps[:, (on == limb) & of_prop].min(axis=1, initial=0.0) < 0.0
         joints = np.array([*after[number].skeleton.subtree(joint)])
         for shot in slices_of(shots):
-            for first, end in shot.start + spans_of(moves[shot, limb]):
-                way = slice(first, end)
-                if in_prop[way].any() and own_depth[way].mean() > depth[way].mean() + WORSE:
-                    rotations[number][way, joints] = before[number].rotations[way, joints]
+            for first, end in shot.start + spans_of(is_bent[shot, limb]):
+                span = slice(first, end)
+                if in_prop[span].any() and bent_depth[span].mean() > depth[span].mean() + WORSE:
+                    rotations[number][span, joints] = before[number].rotations[span, joints]
     return [replace(motion, rotations=own) for motion, own in zip(after, rotations, strict=True)]

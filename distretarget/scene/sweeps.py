@@ -1,13 +1,13 @@
-"""Solve a scene: performers whose bodies would be in each other move apart, slowly; then sweeps, in each of which each
-performer is solved by itself, drawn to the present places of the others and of props.
+"""Solve a scene. Performers whose trunks overlap are moved apart. Then follow sweeps, which solve each performer by
+itself with springs to the present positions of the others and of props.
 
-Balls along the capsules of trunk and head show how far two performers have to part: along the floor, or upwards where
-one sits or lies on the other in the source, but for some depth of flesh, and for performers side by side the overlap of
-the source. They part and come back mostly while somebody steps; each resting foot moves by the mean over its rest.
+Balls along the capsules of trunk and head show how far to move two performers: along the floor, or upwards where one
+sits or lies on the other in the source. Some overlap is allowed: the depth of soft tissue and, side by side, as much as
+the sources overlap. The offset changes mostly while somebody steps; a resting foot moves by its mean over the rest.
 
-The first sweep, without other performers, decides where hips and feet are; then limbs and trunk do what contacts ask,
-smoothly in time. Where a user asks for contacts, the scene is solved without and with them, and blended. A body of
-finite stiffness stops short of where its springs draw it; the next sweep draws each region further by as much, as in
+The first sweep has no springs between performers; hips stay where it puts them. Later sweeps change limbs and trunk,
+smoothly in time. With user constraints, the scene is solved without and with them, and blended. A body of finite
+stiffness stops short of the rest positions of its springs; the next sweep moves these further by the shortfall, as in
 the method of multipliers (M. J. D. Powell, A method for nonlinear constraints in minimization problems, 1969).
 """
 
@@ -33,7 +33,7 @@ from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraints import Carrier, Constraints
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import STIFFNESS, Supports
-from distretarget.pipeline.constrained_motion import blended_supports, constrain, dropping, layered, met, unmet
+from distretarget.pipeline.constrained_motion import blended_in, blended_supports, constrain, meet, unmet, without_drops
 from distretarget.pipeline.performer import Performer
 from distretarget.scene.contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts, moved_by
 from distretarget.scene.props import PlacedProp, Placement, nearest_on_bones
@@ -42,34 +42,34 @@ from distretarget.skin.balls import write_ways
 from distretarget.skin.capsules import SEGMENTS
 
 BALLS = 5  # along each capsule
-FLESH = 0.02  # bodies give way, and capsules stand off from the skin, by this together [body units]
-TOUCH = 0.04  # bodies that are nearer than this in the source show whether one is on the other [body units]
-SPEED = 0.1  # two performers part at most this fast ... [body units/s]
+FLESH = 0.02  # allowed overlap: soft tissue, and capsules that reach beyond the skin [body units]
+TOUCH = 0.04  # bodies nearer than this in the source show whether one is on the other [body units]
+SPEED = 0.1  # the offset between two performers changes at most this fast ... [body units/s]
 STANDING = 0.2  # ... times this while both stand on both feet
-SOFT = 0.25  # and take twice this time to get as fast [s]
-BESIDE = 0.1  # performers whose middles are nearer than this along the floor have no direction to part in [body units]
-ROUNDS = 3  # in each, all pairs of performers part
+SOFT = 0.25  # it is smoothed over this time on each side [s]
+BESIDE = 0.1  # performers nearer than this along the floor have no direction in which to move apart [body units]
+ROUNDS = 3  # over all pairs of performers
 
 IS_CORE = np.array([" " not in name for name in SEGMENTS])
 IS_THIGH = np.array(["thigh" in name for name in SEGMENTS])
 IS_SEAT = IS_CORE | IS_THIGH
 MOST_SWEEPS = 4
 SETTLED = 0.012  # a mean gap error below this needs no further sweep [leg lengths]
-MOST_SHORTFALL = 0.01  # joints are drawn at most this far beyond their places, which may be out of reach [body units]
-SMOOTHING = 0.1  # what contacts change is averaged over this time on each side, weighted by a raised cosine [s]
+MOST_SHORTFALL = 0.01  # rest positions, which may be out of reach, are moved further by at most this [body units]
+SMOOTHING = 0.1  # changes made by contacts are averaged over this time on each side, weighted by a raised cosine [s]
 TINY = 1e-12  # divisors are no smaller
 
 
 @dataclass(frozen=True, eq=False)
 class Core:
-    """The parts of a body that only the whole body can move, as balls."""
+    """Parts of a body as balls, such as the trunk, which moves only with the whole body."""
 
     centres: Array  # (frames, balls, 3) [mean body units of the performers]
     radii: Array  # (balls,)
 
     @classmethod
     def of(cls, skin: BodySkin, motion: Motion, unit: float, parts: Flags) -> Core:
-        """Return the balls of some parts, (segments,), of a body in a motion; `unit` is that of lengths."""
+        """Return the balls of the segments in `parts`, (segments,), of a body in motion, in lengths of `unit`."""
         whole = skin.capsules
         on = parts[whole.segments]
         ends = whole[on].posed(motion) / unit
@@ -78,57 +78,59 @@ class Core:
         centres = np.einsum("fcei,eb->fcbi", ends, shares).reshape(len(ends), -1, 3)
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
-    def way_from(self, other: Core, along: Array, give: float, ahead: float = 0.5) -> Array:
+    def distance_to_clear(self, other: Core, along: Array, overlap: float, ahead: float = 0.5) -> Array:
         """(frames,), how far this body has to move along unit vectors, (frames, 3), until it overlaps the other by no
-        more than `give`; only balls count that are apart in a direction whose cosine to these is above `ahead`.
+        more than `overlap`. Only pairs of balls count whose direction from the other's has at least the cosine `ahead`.
         """
-        ways, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
+        distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
-        write_ways(centres, radii, others, other_radii, along, give, ahead, ways)
-        return ways
+        write_ways(centres, radii, others, other_radii, along, overlap, ahead, distances)
+        return distances
 
 
-def kept_apart(contacts: SceneContacts, skins: Sequence[Skins | None]) -> SceneContacts:
-    """Return the scene with performers apart whose skins would be in each other; `skins` have None for no thickness."""
+def separated(contacts: SceneContacts, skins: Sequence[Skins | None]) -> SceneContacts:
+    """Return the scene with performers moved apart whose trunks overlap; `skins` have None for stick figures."""
     known = [number for number, skin in enumerate(skins) if skin]
-    ways = [way for both in combinations(known, 2) for way in _ways_between(contacts, skins, both)]
+    found = [each for both in combinations(known, 2) for each in _separations(contacts, skins, both)]
     moves = np.zeros((len(skins), len(contacts.performers[0].clip), 3))
     for _ in range(ROUNDS):
-        for way in ways:
-            way.add_to(moves)
+        for each in found:
+            each.add_to(moves)
     moved = [moved_by(*each) for each in zip(contacts.performers, moves, strict=True)]
     return replace(contacts, performers=tuple(moved)) if moves.any() else contacts
 
 
 @dataclass(frozen=True, eq=False)
-class _Way:
-    """How two performers part in a direction."""
+class _Separation:
+    """How two performers are moved apart in a direction."""
 
     numbers: tuple[int, int]
-    cores: Sequence[Core]  # of both while nobody is moved
-    unit: float  # that of the cores [target file units]
-    along: Array  # (frames, 3), the unit vectors along which the first moves, the second against them; or 0
-    allowed: Array  # (frames,), the way for which they may stay in each other
-    shares: Array  # (frames, 2), of each in the way
-    speed: Array  # (frames,), how fast they may part [per frame]
+    cores: Sequence[Core]  # of both before they are moved
+    unit: float  # of lengths in the cores [target file units]
+    along: Array  # (frames, 3), the unit vectors along which the first moves, and against which the second; or 0
+    allowed: Array  # (frames,), the distance to clear that may remain
+    shares: Array  # (frames, 2), of each performer in the offset
+    speed: Array  # (frames,), the largest change of the offset [per frame]
     shots: Numbers  # (frames,)
-    soft: float  # frames over which their speed changes
+    soft: float  # over which the offset is smoothed on each side [frames]
 
     def add_to(self, moves: Array) -> None:
-        """Add to how far performers are moved, (performers, frames, 3), what these two lack [target file units]."""
+        """Add what separates the two to the offsets of all performers, (performers, frames, 3) [target file units]."""
         one, other = (
             replace(core, centres=core.centres + (moves[number] / self.unit)[:, None])
             for number, core in zip(self.numbers, self.cores, strict=True)
         )
-        lack = np.maximum(one.way_from(other, self.along, FLESH) - self.allowed, 0.0)
+        lack = np.maximum(one.distance_to_clear(other, self.along, FLESH) - self.allowed, 0.0)
         if lack.any():
-            parted = by_shot(partial(_slowed, frames=self.soft), self.shots, lack, self.speed)
+            offset = by_shot(partial(_slowed, frames=self.soft), self.shots, lack, self.speed)
             for number, share in zip(self.numbers, (self.shares * [1.0, -1.0]).T, strict=True):
-                moves[number] += self.unit * (share * parted)[:, None] * self.along
+                moves[number] += self.unit * (share * offset)[:, None] * self.along
 
 
-def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], numbers: tuple[int, int]) -> Iterator[_Way]:
-    """The ways in which two performers part: along the floor, or upwards, where the one below stays."""
+def _separations(
+    contacts: SceneContacts, skins: Sequence[Skins | None], numbers: tuple[int, int]
+) -> Iterator[_Separation]:
+    """How two performers are moved apart: along the floor, or upwards, where only the upper one moves."""
     up, both = contacts.performers[0].clip.up, [contacts.performers[number] for number in numbers]
     pelvises = [one.clip.source.positions[:, one.clip.drivers[one.clip.pelvis]] @ up for one in both]
     if np.mean(np.subtract(*pelvises)) < 0.0:  # the first is the one that is higher
@@ -137,7 +139,7 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
     source_unit, unit = (float(np.mean([getattr(skin, side).unit for skin in own])) for side in ("source", "target"))
 
     def cores(*parts: Flags) -> tuple[list[Core], list[Core]]:
-        """Those of the sources, and those of the targets."""
+        """The cores of both sources and of both targets, of the given segments of each."""
         each = [*zip(both, own, parts, strict=True)]
         return (
             [Core.of(skin.source, one.clip.source, source_unit, some) for one, skin, some in each],
@@ -148,37 +150,39 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
     sources, targets = cores(IS_CORE, IS_CORE)
     between = level(np.subtract(*(core.centres.mean(axis=1) for core in targets)), up)
     between = by_shot(partial(averaged, reach=round(SOFT / time)), shots, between)
-    aside = normalised(between) * smoothstep(lengths(between) / BESIDE)[:, None]
-    upwards = np.broadcast_to(up, aside.shape)
+    sideways = normalised(between) * smoothstep(lengths(between) / BESIDE)[:, None]
+    upwards = np.broadcast_to(up, sideways.shape)
     free = np.stack([_is_free(contacts, number) for number in numbers], axis=1).astype(float)
     steps = np.max([_steps(one.supports) for one in both], axis=0)
     speed = SPEED * time * np.maximum(steps, STANDING)
-    way = partial(_Way, numbers, unit=unit, speed=speed, shots=shots, soft=SOFT / time)
+    separation = partial(_Separation, numbers, unit=unit, speed=speed, shots=shots, soft=SOFT / time)
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
-        to_part = [of_source[0].way_from(of_source[1], along, -TOUCH, -1.0) for along in (aside, upwards)]
-        rests = by_shot(over_runs, shots, np.subtract(*to_part)[:, None], np.min(to_part, axis=0))[:, 0] > 0.0
-        yield way(of_target, along=upwards, allowed=np.where(rests, 0.0, np.inf), shares=free * [1.0, 0.0])
+        one, other = of_source
+        to_clear = [one.distance_to_clear(other, along, -TOUCH, -1.0) for along in (sideways, upwards)]
+        is_on = by_shot(over_runs, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
+        yield separation(of_target, along=upwards, allowed=np.where(is_on, 0.0, np.inf), shares=free * [1.0, 0.0])
         if of_target is targets:
-            allowed = np.where(rests, np.inf, sources[0].way_from(sources[1], aside, 0.0))
-            yield way(targets, along=aside, allowed=allowed, shares=free / np.maximum(free.sum(axis=1)[:, None], 1.0))
+            allowed = np.where(is_on, np.inf, sources[0].distance_to_clear(sources[1], sideways, 0.0))
+            shares = free / np.maximum(free.sum(axis=1)[:, None], 1.0)
+            yield separation(targets, along=sideways, allowed=allowed, shares=shares)
 
 
-def _slowed(ways: Array, speed: Array, frames: float) -> Array:
-    """(frames,), the least above ways, (frames,), that changes by at most `speed` a frame, smoothed over `frames`."""
+def _slowed(distances: Array, speed: Array, frames: float) -> Array:
+    """(frames,), the least curve above `distances` that changes by at most `speed` a frame, smoothed over `frames`."""
     s = np.cumsum(speed)
-    before = np.maximum.accumulate(ways + s) - s
-    after = (np.maximum.accumulate((ways - s)[::-1]) + s[::-1])[::-1]
+    before = np.maximum.accumulate(distances + s) - s
+    after = (np.maximum.accumulate((distances - s)[::-1]) + s[::-1])[::-1]
     return widened(np.maximum(before, after)[:, None], frames)[:, 0]
 
 
 def _steps(supports: Supports) -> Array:
-    """(frames,), 0 while both feet rest, blended to 1."""
+    """(frames,), the weight of stepping: 0 while both feet rest, blended to 1."""
     legs = supports.weights[:, : supports.feet].reshape(len(supports.weights), -1, 2)
     return np.asarray(1.0 - legs.max(axis=2).min(axis=1)) if legs.size else np.ones(len(legs))
 
 
 def _is_free(contacts: SceneContacts, number: int) -> Flags:
-    """(frames,), whether a performer can move: in no frame of the shot, its trunk is on a prop that nobody holds."""
+    """(frames,), whether a performer may be moved: not in shots in which its trunk is on a prop that nobody holds."""
     one, sits = contacts.performers[number], np.zeros((len(contacts.performers[number].clip), 1))
     names = np.array(one.clip.regions.names)
     for k, prop in enumerate(contacts.props):
@@ -191,14 +195,14 @@ def _is_free(contacts: SceneContacts, number: int) -> Flags:
 
 @dataclass(frozen=True, eq=False)
 class SolvedScene:
-    """A scene, solved."""
+    """A solved scene."""
 
-    contacts: SceneContacts  # what touches in it, with the performers as they were solved
+    contacts: SceneContacts  # its contacts, and the performers as they were solved
     poses: Sequence[Poses]  # of each performer
-    motions: Sequence[Motion]  # of each performer, with its limbs bent as skins ask
+    motions: Sequence[Motion]  # of each performer, with limbs bent out of skins
     sweeps: int  # how many times all performers were solved
-    gap_error: float  # the mean difference between gaps and what they should be [leg lengths]
-    unmet: Sequence[tuple[Remark, ...]]  # the constraints of each performer that are met in part only
+    gap_error: float  # the mean difference between gaps and the wanted ones [leg lengths]
+    unmet: Sequence[tuple[Remark, ...]]  # of each performer, the user constraints that are not fully met
 
 
 def solve_scene(
@@ -209,8 +213,8 @@ def solve_scene(
     mapper: Mapper,
     progress: Callable[[int], object],
 ) -> SolvedScene:
-    """Solve a scene. `contact_lists` has those of each performer; `skins` the surface of each that
-    collides with other performers. Raises a ContactsError if an entry does not suit the clip.
+    """Solve a scene; raise a ContactsError if an entry does not suit the clip. Of each performer, `contact_lists` has
+    the user's entries, and `skins` the surface that collides with other performers.
     """
 
     def constraints_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Constraints]:
@@ -227,30 +231,30 @@ def solve_scene(
 
     copies = [copy_on_path(one) for one in performers]
     found = constraints_of(copies, [each.free for each in props])
-    dropped = [dropping(one, constraints.drops) for one, constraints in zip(performers, found, strict=True)]
-    free = solved(kept_apart(find_scene_contacts(dropped, props), skins))
+    dropped = [without_drops(one, constraints.drops) for one, constraints in zip(performers, found, strict=True)]
+    free = solved(separated(find_scene_contacts(dropped, props), skins))
     if not any(constraints.made for constraints in found):
         return free
     found = constraints_of(free.motions, free.contacts.placements(free.motions))
-    changed = zip(free.contacts.performers, found, strict=True)
-    held = solved(replace(free.contacts, performers=tuple(constrain(*each) for each in changed)))
+    pairs = zip(free.contacts.performers, found, strict=True)
+    bound = solved(replace(free.contacts, performers=tuple(constrain(*pair) for pair in pairs)))
     made = [constraints.made for constraints in found]
     share = np.max([constraints.share for constraints in found], axis=0)
-    each = zip(held.contacts.performers, free.contacts.performers, free.motions, held.motions, made, strict=True)
-    shown, motions, told = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
-    for one, alone, without, motion, constraints in each:
-        motion = met(one, motion, constraints) if constraints else motion
-        motions.append(layered(made, without, motion))
-        shown.append(replace(one, supports=blended_supports(alone.supports, one.supports, share)))
-        told.append(tuple(unmet(one, constraints, motions[-1])))
-    contacts = replace(free.contacts, performers=tuple(shown))
-    return replace(free, contacts=contacts, motions=motions, unmet=told)
+    each = zip(bound.contacts.performers, free.contacts.performers, free.motions, bound.motions, made, strict=True)
+    blended, motions, remarks = list[Performer](), list[Motion](), list[tuple[Remark, ...]]()
+    for one, before, without, motion, constraints in each:
+        motion = meet(one, motion, constraints) if constraints else motion
+        motions.append(blended_in(made, without, motion))
+        blended.append(replace(one, supports=blended_supports(before.supports, one.supports, share)))
+        remarks.append(tuple(unmet(one, constraints, motions[-1])))
+    contacts = replace(free.contacts, performers=tuple(blended))
+    return replace(free, contacts=contacts, motions=motions, unmet=remarks)
 
 
 def _carriers(
     performers: Sequence[Performer], motions: Sequence[Motion], props: Sequence[PlacedProp], places: Sequence[Placement]
 ) -> dict[str, Carrier]:
-    """What parts may rest on: performers by numbers from 1, while they move like this, and placed props by name."""
+    """The carriers on which parts may rest, by name: performers, numbered from 1, in motion; and props at `places`."""
     found = {}
     for number, (one, motion) in enumerate(zip(performers, motions, strict=True), 1):
         skin, unit = one.match.skins and one.match.skins.target, one.clip.unit
@@ -262,7 +266,7 @@ def _carriers(
 
 
 def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
-    """The place on a prop nearest to one, (3,), from its first joint, and the direction out [target file units]."""
+    """The point of a prop at rest nearest to `place`, both from its first joint, and the direction out of it, (3,)."""
     scale, rest = prop.free.scale, prop.motion.skeleton.rest_positions
     if prop.surface:
         farthest = float(lengths(place) / scale + lengths(prop.surface.corners).max())
@@ -277,8 +281,8 @@ def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
 ) -> tuple[list[Poses], int, float]:
-    """Solve all performers as if alone, and again, drawn to each other, while gaps are off. Return the poses of each,
-    the number of sweeps, and the mean gap error after the last [leg lengths].
+    """Solve all performers without each other, and again with springs between them while gaps are off. Return the
+    poses of each, the number of sweeps, and the mean gap error after the last [leg lengths].
     """
     performers = contacts.performers
 
@@ -291,12 +295,12 @@ def solve_in_sweeps(
 
     springs = contacts.springs([copy_on_path(one) for one in performers])
     first = poses = solve(1, springs)
-    alone = now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
-    hips = [_springs_of_hips(one, at) for one, at in zip(performers, alone, strict=True)]
+    separate = now = [one.posed(pose) for one, pose in zip(performers, poses, strict=True)]
+    hips = [_hip_springs(one, motion) for one, motion in zip(performers, separate, strict=True)]
     sweep, error = 1, contacts.gap_error(now)
     while error >= SETTLED and sweep < MOST_SWEEPS:
         sweep += 1
-        each = zip(performers, contacts.springs(now, alone), springs, now, hips, strict=True)
+        each = zip(performers, contacts.springs(now, separate), springs, now, hips, strict=True)
         springs = [
             joined(with_shortfall(drawn, before, at.positions / one.clip.unit, one.clip.regions.of_joint), held)
             for one, drawn, before, at, held in each
@@ -307,24 +311,24 @@ def solve_in_sweeps(
     return poses, sweep, error
 
 
-def changed_steadily(poses: Poses, alone: Poses, contacts: SceneContacts) -> Poses:
-    """Return the poses with their deviations from those `alone` averaged over `SMOOTHING` within each shot."""
+def changed_steadily(poses: Poses, first: Poses, contacts: SceneContacts) -> Poses:
+    """Return the poses with their changes from `first` averaged over `SMOOTHING` within each shot."""
     average = partial(averaged, reach=round(SMOOTHING / contacts.performers[0].clip.frame_time))
-    return replace(poses, v=alone.v + by_shot(average, common_shots(contacts.performers), poses.v - alone.v))
+    return replace(poses, v=first.v + by_shot(average, common_shots(contacts.performers), poses.v - first.v))
 
 
-def _springs_of_hips(one: Performer, alone: Motion) -> Springs:
-    """The springs that hold the hips of a performer where they are `alone`."""
+def _hip_springs(one: Performer, motion: Motion) -> Springs:
+    """The springs that hold the hips of a performer where they are in a motion."""
     legs = one.clip.target_legs
     joints = np.array([leg.hip for leg in legs] if legs else [one.clip.pelvis])
-    A = np.broadcast_to(STIFFNESS * np.eye(3), (len(alone), len(joints), 3, 3))
-    return Springs(joints, np.full(len(joints), -1), alone.positions[:, joints] / one.clip.unit, A)
+    A = np.broadcast_to(STIFFNESS * np.eye(3), (len(motion), len(joints), 3, 3))
+    return Springs(joints, np.full(len(joints), -1), motion.positions[:, joints] / one.clip.unit, A)
 
 
 def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers) -> Springs:
-    """Return the springs of the next sweep, which draw each region further by its shortfall in the last, whose springs
-    were those `before`, perhaps with others after them, and positions `x`, (frames, joints, 3) [body units]; `regions`
-    are of all joints.
+    """Return the springs with the rest positions of each region moved further by its shortfall in the last sweep. That
+    sweep had the springs `before`, the first on the same joints, and led to positions `x`, (frames, joints, 3) [body
+    units]. `regions` are those of all joints.
     """
     a, count = springs.a, len(springs.a)
     short = before.rest[:, :count] - x[:, a]
