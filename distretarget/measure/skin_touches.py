@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
-from distretarget.contact_entries import Drop
+from distretarget.contact_entries import DroppedContact
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
@@ -22,7 +22,7 @@ from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
-from distretarget.numerics.time_series import lasting, spans_of
+from distretarget.numerics.time_series import opening, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS
 
@@ -85,7 +85,7 @@ class SourceSkin:
     gaps: Array  # (contacts,), how far apart they are, negative where they overlap [% of height]
     spots: Array  # (contacts, 3), where on the segment, as `PartFrames.coordinates`
 
-    def without(self, drops: Sequence[Drop], of_joint: Numbers) -> SourceSkin:
+    def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
         """Return it without touches that a user drops, of hands with those of their forearms; the target's joints
         belong to segments `of_joint`, (joints,).
         """
@@ -316,7 +316,7 @@ def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
         return low, low
     parts = [*body.skeleton.subtree(arm.wrist)], [arm.elbow, arm.wrist]
     apart = [~_beside(body, positions, joints) for joints in parts]
-    of_hand, of_forearm = (lasting(flags.astype(float), LASTS / motion.frame_time) > 0.0 for flags in apart)
+    of_hand, of_forearm = (opening(flags.astype(float), LASTS / motion.frame_time) > 0.0 for flags in apart)
     return low & ~of_hand, ~np.where(low, of_forearm, apart[1])
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.build import average_for
+from distretarget.body.build import average_build_of
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
@@ -55,7 +55,7 @@ class Reaching:
     @cached_property
     def skin(self) -> BodySkin:
         """The skin of the body; an average one of a stick figure."""
-        return self.skins.target if self.skins else BodySkin.of(self.body, average_for(self.body).on(self.body))
+        return self.skins.target if self.skins else BodySkin.of(self.body, average_build_of(self.body).on(self.body))
 
     def displacements(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
         """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file

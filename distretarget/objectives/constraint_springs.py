@@ -221,7 +221,7 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
     bones, skeleton = clip.copy.bones[on] / clip.unit, clip.skeleton
     arms = np.zeros((len(bones), len(h) - 1, 3))
     for end, sign in zip(pair, (1.0, -1.0), strict=True):
-        for joint in skeleton.line(end):
+        for joint in skeleton.to_root(end):
             if joint > 0:
                 arms[:, clip.parts[skeleton.parents[joint]]] += sign * bones[:, joint]
     square = ((arms**2).sum(axis=2) / h[:-1]).sum(axis=1)

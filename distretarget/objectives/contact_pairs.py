@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs, hanging_distances, passing_regions
-from distretarget.contact_entries import Drop
+from distretarget.contact_entries import DroppedContact
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.time_series import Shots
@@ -80,7 +80,7 @@ class ContactSearch:
     frame_time: float  # [s]
     settings: ContactSettings
     regions: int  # the number of body regions
-    drops: tuple[Drop, ...] = ()  # contacts that do not count
+    drops: tuple[DroppedContact, ...] = ()  # contacts that do not count
 
     @classmethod
     def of(cls, clip: Clip, settings: ContactSettings, points: Flags | None = None) -> ContactSearch:
@@ -119,7 +119,7 @@ class ContactSearch:
         D, least = least_distances(source, source, u, v, pairs.tau1[on], self.shots[around])
         kept = np.ones_like(D)
         for drop in self.drops:
-            kept[np.ix_(drop.frames[around], drop.of(a, b))] = 0.0
+            kept[np.ix_(drop.frames[around], drop.applies_to(a, b))] = 0.0
         arms = np.maximum(raised[:, u], raised[:, v])
         f = contact.activation(least, pairs.hanging[on], arms, self.shots[around], kept)[inside]
         f[:, pairs.passing[on]] *= (1.0 - held.standing)[:, None]

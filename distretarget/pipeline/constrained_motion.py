@@ -136,7 +136,7 @@ def _with_arms(held: Motion, free: Motion, apart: Motion, made: Constraints, per
     clip, body = performer.clip, performer.match.matching.target
     trunk, arms = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
     for limb in limbs_of(body):
-        shoulder = [joint for joint in clip.skeleton.line(limb.top) if joint not in trunk]
+        shoulder = [joint for joint in clip.skeleton.to_root(limb.top) if joint not in trunk]
         arms += [*clip.skeleton.subtree(limb.top), *shoulder] if limb.is_arm else []
     meet = any({*constraint.pair} <= {*arms} for constraint in made if constraint.pair)
     rotations = np.array(held.rotations)
@@ -216,9 +216,9 @@ def unmet(performer: Performer, constraints: Constraints, posed: Motion) -> Iter
     """Yield for each constraint of a performer that a motion does not meet how far it is off."""
     for constraint, off in _off(performer, constraints, posed):
         if off.max() > NOTICED * performer.match.matching.target.height:
-            name, worst = " - ".join(constraint.entry.named), int(off.argmax())
+            name, worst = " - ".join(constraint.entry.names), int(off.argmax())
             cm = centimetres(performer.clip.unit) * off[worst]
-            yield Remark(f"{name} is missed by up to {cm:.1f} cm, at frame {worst}", worst, *constraint.entry.named)
+            yield Remark(f"{name} is missed by up to {cm:.1f} cm, at frame {worst}", worst, *constraint.entry.names)
 
 
 def _off(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[tuple[Constraint, Array]]:

@@ -27,7 +27,7 @@ from distretarget.ik.springs import Springs, joined
 from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
-from distretarget.numerics.time_series import by_shot, over_runs, smoothstep, widened
+from distretarget.numerics.time_series import by_shot, run_means, smoothstep, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraints import Carrier, Constraints
@@ -156,7 +156,7 @@ def _ways_between(contacts: SceneContacts, skins: Sequence[Skins | None], number
     way = partial(_Way, numbers, unit=unit, speed=speed, shots=shots, soft=SOFT / time)
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
         to_part = [of_source[0].way_from(of_source[1], along, -TOUCH, -1.0) for along in (aside, upwards)]
-        rests = by_shot(over_runs, shots, np.subtract(*to_part)[:, None], np.min(to_part, axis=0))[:, 0] > 0.0
+        rests = by_shot(run_means, shots, np.subtract(*to_part)[:, None], np.min(to_part, axis=0))[:, 0] > 0.0
         yield way(of_target, along=upwards, allowed=np.where(rests, 0.0, np.inf), shares=free * [1.0, 0.0])
         if of_target is targets:
             allowed = np.where(rests, np.inf, sources[0].way_from(sources[1], aside, 0.0))
