@@ -129,8 +129,7 @@ class Plant(Entry):
     Attributes:
         plant: the part.
         on: "floor"; "where it is", its mean position; a position in the target's file [its units]; a joint or part of
-            the body that carries it; in scenes a prop, or a performer's joint, such as "2: Head". None keeps the
-            support as found.
+            the body that carries it; in scenes a prop, or a performer's joint, such as "2: Head". None as found.
         keep: False drops the support.
 
     Raises:

@@ -93,7 +93,7 @@ class Body:
             skeleton = moving.rigid_skeleton if moving else tree.skeleton
         positions = None if moving is None else moving.positions
         body = cls(skeleton, find_anatomy(skeleton, positions), moving)
-        stands = body.at_rest if body.stands_at_rest else body.moving
+        stands = body.at_rest if body.stands_at_rest else body.in_motion
         if body.anatomy is None or body.anatomy.method == "humanoid" or stands is None:
             return body
         shown = corrected_anatomy(skeleton, body.anatomy, stands.positions)
@@ -209,7 +209,7 @@ class Body:
         return Directions(self.anatomy, self.skeleton.rest_positions) if self.anatomy else None
 
     @cached_property
-    def moving(self) -> Directions | None:
+    def in_motion(self) -> Directions | None:
         """The directions of the body in each frame of its motion; None without an anatomy or a motion."""
         return Directions(self.anatomy, self.motion.positions) if self.anatomy and self.motion else None
 
@@ -229,7 +229,7 @@ class Body:
         return nearest_axis(self.at_rest.up)[0] if self.at_rest and self.stands_at_rest else None
 
     @cached_property
-    def found_up(self) -> str | None:
+    def up_in_motion(self) -> str | None:
         """Which of `AXES` points up in the motion; None where neither the motion nor the rest pose shows it.
 
         Normally the rest pose decides, so that a body may lie down in the motion. The motion decides if the body stands
@@ -237,9 +237,9 @@ class Body:
         """
         if self.motion is None:
             return None
-        if self.moving is None:
+        if self.in_motion is None:
             return _axis_of_legs(self.legs, self.motion.positions) if self.legs else None
-        axis, cosine = nearest_axis(self.moving.up.mean(axis=0))
+        axis, cosine = nearest_axis(self.in_motion.up.mean(axis=0))
         if self.up_at_rest is None:
             return None if cosine < UP_FROM_MOTION else axis
         if self.up_at_rest == axis:
@@ -252,7 +252,7 @@ class Body:
     @cached_property
     def up(self) -> str:
         """Which of `AXES` points up, by the caller, the file, the motion or the rest pose, in this order; else Y."""
-        return self.known_up or self.skeleton.up or self.found_up or self.up_at_rest or "Y"
+        return self.known_up or self.skeleton.up or self.up_in_motion or self.up_at_rest or "Y"
 
     @cached_property
     def up_vector(self) -> Array:
@@ -327,7 +327,7 @@ class Body:
             return None
         if any(foot_bone(self.skeleton, self.anatomy, side) is None for side in SIDES):
             return self._left_by_knees
-        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.moving)
+        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.in_motion)
 
     @rig_property
     def _left_at_rest(self) -> bool | None:
@@ -345,7 +345,7 @@ class Body:
     @property
     def _left_by_knees(self) -> bool | None:
         """`left_is_left` by the knees, which bend forwards in the motion, else at rest."""
-        shown = self.moving or self.at_rest
+        shown = self.in_motion or self.at_rest
         if shown is None:
             return None
         ahead = normalised(knee_bends(shown.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3)))
@@ -361,9 +361,9 @@ class Body:
             return self._stands_on_arms
         if self.at_rest.stretch > STRETCHED:
             return False
-        if self.moving is None:
+        if self.in_motion is None:
             return bool(self.at_rest.stretch > FOLDED)
-        return bool(np.percentile(self.moving.stretch, 99) < STRETCHED)
+        return bool(np.percentile(self.in_motion.stretch, 99) < STRETCHED)
 
     @property
     def _stands_on_arms(self) -> bool:

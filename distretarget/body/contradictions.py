@@ -90,11 +90,11 @@ def knee_bends(anatomy: Anatomy, positions: Array) -> Array:
     if any(len(leg) < 3 for leg in legs):
         return np.zeros((len(positions), 3))
     x = [positions[:, leg] for leg in legs]
-    ahead = np.mean([(each[:, 1] - 0.5 * (each[:, 0] + each[:, 2])) / _size(each) for each in x], axis=0)
+    ahead = np.mean([(each[:, 1] - 0.5 * (each[:, 0] + each[:, 2])) / _hip_to_ankle(each) for each in x], axis=0)
     return ahead if lengths(ahead).mean() > BENT else np.zeros_like(ahead)
 
 
-def _size(leg: Array) -> float:
+def _hip_to_ankle(leg: Array) -> float:
     """The mean distance of hip and ankle; above 0."""
     return max(float(lengths(leg[:, 2] - leg[:, 0]).mean()), 1e-300)
 

@@ -37,7 +37,7 @@ class SkinPoint:
     joints: Numbers  # (n,), the joints that move it
     weights: Array  # (n,), their skin weights, which sum to 1
     offsets: Array  # (n, 3), its offset from each of them in the rest pose [file units]
-    out: Array  # (3,), the direction out of the skin, in the axes of `joint`
+    normal: Array  # (3,), the direction out of the skin, in the axes of `joint`
     along: Array  # (3,), the direction along its part, in the axes of `joint`
 
     def places(self, motion: Motion) -> Array:
@@ -46,12 +46,12 @@ class SkinPoint:
         moved = [motion.positions[:, joint] + _turns(motion, joint).apply(offset) for joint, offset in each]
         return np.asarray(np.einsum("n,nfi->fi", self.weights, np.array(moved)))
 
-    def outwards(self, motion: Motion) -> Array:
-        """Return the direction out of the skin in each frame, (frames, 3)."""
-        return np.asarray(_turns(motion, self.joint).apply(self.out))
+    def normals(self, motion: Motion) -> Array:
+        """Return the directions out of the skin, (frames, 3)."""
+        return np.asarray(_turns(motion, self.joint).apply(self.normal))
 
-    def onwards(self, motion: Motion) -> Array:
-        """Return the direction along its part in each frame, (frames, 3)."""
+    def axis_directions(self, motion: Motion) -> Array:
+        """Return the directions along its part, (frames, 3)."""
         return np.asarray(_turns(motion, self.joint).apply(self.along))
 
 

@@ -94,9 +94,9 @@ class Reaching:
         for one, other in (anchors, anchors[::-1]) if anchors else ():
             for arm, free in arms:
                 if one.joint in motion.skeleton.subtree(arm.end):
-                    out, bone = other.outwards(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
-                    turn = Rotation.from_quat(least_rotation(one.outwards(motion), -out))
-                    hand = turn.apply(one.onwards(motion))
+                    out, bone = other.normals(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
+                    turn = Rotation.from_quat(least_rotation(one.normals(motion), -out))
+                    hand = turn.apply(one.axis_directions(motion))
                     spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
                     spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
                     turn = Rotation.from_rotvec(spin[:, None] * out) * turn

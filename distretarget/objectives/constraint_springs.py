@@ -87,7 +87,7 @@ def off_by(
     if constraint.anchors is not None and isinstance(entry, Contact):
         one, other, apart = constraint.anchors
         gap = constraints.length(float(entry.gap or 0.0)) + apart
-        away = gap * normalised(other.outwards(motion) - one.outwards(motion))
+        away = gap * normalised(other.normals(motion) - one.normals(motion))
         return np.asarray(away - (one.places(motion) - other.places(motion)) / clip.unit)
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
