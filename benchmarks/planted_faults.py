@@ -148,8 +148,8 @@ PLANTED = {
     ),
     "a path in another unit": ("off_floor", lambda m: replace(m, root_positions=100.0 * m.root_positions)),
     "a bone that stretches": ("stretching", stretched),
-    "data with another axis up": ("up_axis", lambda m: m.in_turned_world(tip(90))),
-    "a world tilted by 40 degrees": ("tilt", lambda m: m.in_turned_world(tip(40))),
+    "data with another axis up": ("up_axis", lambda m: m.rotated_about_origin(tip(90))),
+    "a world tilted by 40 degrees": ("tilt", lambda m: m.rotated_about_origin(tip(40))),
     "left and right exchanged": ("sides", mirrored_names),
     "a single frame": ("unreadable", lambda m: m[:1]),
 }

@@ -36,7 +36,7 @@ from tables import publish, several, table
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
 from distretarget.body.anatomy import SIDES
-from distretarget.body.limbs import raised
+from distretarget.body.limbs import arm_raise
 from distretarget.errors import DistretargetError
 from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.metrics import clip_metrics
@@ -121,7 +121,7 @@ def _source_gaps(clip: Path, average: Path, sampling: Sampling) -> Array:
     for arm, side in product(body.arms, SIDES):
         if body.roles.get(f"{side}Hand") == arm.wrist:
             own = [hand == f"{side} hand" and part != "right hand" for hand, part in PAIRS]
-            gaps[np.ix_(raised(run.source[frames].positions, arm, hips, up) <= 0.0, own)] = np.nan
+            gaps[np.ix_(arm_raise(run.source[frames].positions, arm, hips, up) <= 0.0, own)] = np.nan
     return gaps
 
 

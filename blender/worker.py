@@ -119,14 +119,14 @@ def _on_controls(job: dict, answer: dict, folder: Path) -> dict:
 def _skeleton(arrays: dict[str, np.ndarray]):
     """The skeleton of an armature."""
     from distretarget import Skeleton
-    from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS
+    from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS
 
     heads, parents = arrays["heads"], arrays["parents"]
     return Skeleton(
         names=tuple(arrays["names"]),
         parents=parents,
         offsets=heads - np.where((parents >= 0)[:, None], heads[parents], 0.0),
-        channels=(USUAL_ROOT, *[USUAL_ROTATIONS] * (len(parents) - 1)),
+        channels=(DEFAULT_ROOT, *[DEFAULT_ROTATIONS] * (len(parents) - 1)),
         end_sites=np.zeros(len(parents), bool),
         up="Z",
     )

@@ -1,4 +1,4 @@
-"""Checks of the arguments of public functions, since scripts may not be type-checked (SettingsError); their repr."""
+"""Argument checks of public functions, for callers without a type checker; all raise a SettingsError."""
 
 from __future__ import annotations
 
@@ -44,9 +44,9 @@ def check_callable(name: str, value: object) -> None:
         raise SettingsError(f"{name} is {reprlib.repr(value)}; expected a function")
 
 
-def brief(settings: Any) -> str:
-    """Return the repr of a dataclass whose fields all have defaults, with only those that differ from them."""
-    usual = type(settings)()
-    values = ((field.name, getattr(settings, field.name), getattr(usual, field.name)) for field in fields(settings))
+def brief_repr(settings: Any) -> str:
+    """Return the repr of a dataclass with defaults for all fields, showing only fields that differ from them."""
+    defaults = type(settings)()
+    values = ((field.name, getattr(settings, field.name), getattr(defaults, field.name)) for field in fields(settings))
     given = ", ".join(f"{name}={value!r}" for name, value, default in values if value != default)
     return f"{type(settings).__name__}({given})"

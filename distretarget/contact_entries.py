@@ -1,6 +1,6 @@
-"""What a user says about contacts: which to keep, to drop or to make, what rests where, distances and directions.
+"""User constraints: contacts to keep, drop or make, supports, distances and directions.
 
-An entry names parts of a body as people do ("left hand", "hips", "head"), or joints by their names.
+An entry names parts of the body ("left hand", "hips", "head") or joints.
 """
 
 from __future__ import annotations
@@ -12,12 +12,12 @@ from typing import ClassVar, Literal
 
 import numpy as np
 
-from distretarget.checks import brief, check_kind, check_number
+from distretarget.checks import brief_repr, check_kind, check_number
 from distretarget.errors import ContactsError, SettingsError
 from distretarget.numerics.vectors import Flags, Numbers
 
-LONGEST = 1e9  # of frames, seconds, centimetres and coordinates
-MOST_FIRM = 100.0
+LARGEST = 1e9  # largest frame, second, length in centimetres, and coordinate
+DISTANCE_PRIORITY = 100.0
 
 Span = tuple[float, float]
 Place = tuple[float, float, float]
@@ -27,16 +27,16 @@ Ground = Literal["floor", "where it is"]
 
 @dataclass(frozen=True, kw_only=True)
 class Entry:
-    """What all entries have.
+    """The fields that all constraints share.
 
     Attributes:
-        frames: the first and the last frame, counted from 0, in which it holds; by default it holds in the whole clip.
+        frames: the first and the last frame, counted from 0, in which the constraint holds; by default the whole clip.
         seconds: the first and the last second, instead of frames.
-        place: where the entry is, such as `contacts[3]`, for errors.
-        found: what was found there, in words; it has no effect.
+        place: where the entry is in its file, such as `contacts[3]`, for errors.
+        found: a description of what was found there; it has no effect.
     """
 
-    key: ClassVar[str]  # the field with the names of what it is about
+    key: ClassVar[str]  # the field with the constrained parts or joints
     frames: Span | None = None
     seconds: Span | None = None
     place: str = field(default="", compare=False)
@@ -56,37 +56,38 @@ class Entry:
         check_kind("found", self.found, str)
 
     @property
-    def named(self) -> tuple[str, ...]:
-        """The names of what it is about, as they are given."""
+    def names(self) -> tuple[str, ...]:
+        """The constrained parts or joints, in the order given."""
         names = getattr(self, self.key)
         return (names,) if isinstance(names, str) else names
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The same in alphabetical order."""
-        return tuple(sorted(self.named))
+        """The constrained parts or joints, in alphabetical order."""
+        return tuple(sorted(self.names))
 
     @property
-    def acts(self) -> bool:
-        """Whether it changes anything."""
+    def has_effect(self) -> bool:
+        """Whether the entry changes the result."""
         return True
 
 
 @dataclass(frozen=True, kw_only=True)
 class Contact(Entry):
-    """A contact of two parts of the body, to keep as it was found, to drop, or to make or change.
+    """A contact of two parts of the body: to keep as found, to drop, to change, or to make.
 
     Attributes:
         between: the two parts.
-        keep: False to drop it.
-        gap: how far their skins are to be apart [cm]; for bodies without thickness their joints. None as it was found.
-        firmness: how far they are brought there, 0 to 1.
-        anchors: the place on the skin of each part, the same of any body: how far along the part's axis, from 0 to 1,
-            and the angle round it [degrees], from the front to the left, on limbs to the outer side; round a hand from
-            the palm to the thumb, round a foot from its upper side. None where skins are nearest.
+        keep: False drops the contact.
+        gap: the gap between the two skins, or the two joints of bodies without thickness [cm]; "source" for the
+            source's gap; None keeps the contact as found.
+        firmness: the weight of the gap, 0 to 1.
+        anchors: the point on the skin of each part that takes part in the contact, valid for any body: the position
+            along the part's axis, 0 to 1, and the angle about it [degrees], from the front to the left, on limbs to the
+            outer side; on a hand from palm to thumb, on a foot from its upper side. None for the nearest points.
 
     Raises:
-        SettingsError: a value is out of bounds, or a contact is to be dropped and made.
+        SettingsError: a value is out of bounds, or a dropped contact has a gap.
     """
 
     key = "between"
@@ -101,38 +102,38 @@ class Contact(Entry):
         _check_names("between", self.between, 2)
         check_kind("keep", self.keep, bool)
         if self.gap is not None and self.gap != "source":
-            check_number("gap", self.gap, 0.0, LONGEST)
+            check_number("gap", self.gap, 0.0, LARGEST)
         check_number("firmness", self.firmness, 0.0, 1.0)
         if self.firmness != 1.0 and self.gap is None:
-            raise SettingsError('firmness is that of a gap; expected "gap" beside it, such as "source"')
+            raise SettingsError('firmness is the weight of a gap; expected "gap" beside it, such as "source"')
         if not self.keep and self.gap is not None:
             raise SettingsError("an entry with keep false drops a contact, and cannot have a gap; leave one out")
         if self.anchors is not None:
             if self.gap is None or self.gap == "source":
-                raise SettingsError('anchors are those of a gap; expected "gap" beside them, in centimetres')
+                raise SettingsError('anchors are the places of a gap; expected "gap" beside them, in centimetres')
             check_kind("anchors", self.anchors, tuple)
             if len(self.anchors) != 2:
                 raise SettingsError(f"anchors are {self.anchors!r}; expected two, one of each part")
             for number, anchor in enumerate(self.anchors):
-                _check_numbers(f"anchors[{number}]", anchor, 2, -LONGEST)
+                _check_numbers(f"anchors[{number}]", anchor, 2, -LARGEST)
 
     @property
-    def acts(self) -> bool:
+    def has_effect(self) -> bool:
         return not self.keep or self.gap is not None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plant(Entry):
-    """A part of the body that rests on the world.
+    """A support: a part of the body that rests on something.
 
     Attributes:
         plant: the part.
-        on: "floor"; "where it is", at its mean place; a place in the target's file [its units]; a joint or part of the
-            body, with which it moves; in scenes a prop, or a performer's joint, such as "2: Head". None as found.
-        keep: False to let it go.
+        on: "floor"; "where it is", its mean position; a position in the target's file [its units]; a joint or part of
+            the body that carries it; in scenes a prop, or a performer's joint, such as "2: Head". None as found.
+        keep: False drops the support.
 
     Raises:
-        SettingsError: a value is out of bounds, or a part is to be let go and planted.
+        SettingsError: a value is out of bounds, or a dropped support has a place.
     """
 
     key = "plant"
@@ -145,23 +146,23 @@ class Plant(Entry):
         _check_names("plant", (self.plant,), 1)
         check_kind("keep", self.keep, bool)
         if self.on is not None and not isinstance(self.on, str):
-            _check_numbers("on", self.on, 3, -LONGEST)
+            _check_numbers("on", self.on, 3, -LARGEST)
         if not self.keep and self.on is not None:
-            raise SettingsError("an entry with keep false lets a part go, and cannot plant it; leave one out")
+            raise SettingsError('an entry with keep false drops a support, and cannot have "on"; leave one out')
 
     @property
-    def acts(self) -> bool:
+    def has_effect(self) -> bool:
         return not self.keep or self.on is not None
 
 
 @dataclass(frozen=True, kw_only=True)
 class Distance(Entry):
-    """A distance of two joints, the paper's own.
+    """A distance of two joints, a term of the paper's objective.
 
     Attributes:
         distance: the two joints.
         value: their distance [cm].
-        priority: pi of the pair in the paper's objective, where that of a bone is 1.
+        priority: pi of the pair in the paper's objective; a bone has 1.
 
     Raises:
         SettingsError: a value is out of bounds.
@@ -170,22 +171,22 @@ class Distance(Entry):
     key = "distance"
     distance: tuple[str, str]
     value: float
-    priority: float = MOST_FIRM
+    priority: float = DISTANCE_PRIORITY
 
     def __post_init__(self) -> None:
         super().__post_init__()
         _check_names("distance", self.distance, 2)
-        check_number("value", self.value, 0.0, LONGEST)
+        check_number("value", self.value, 0.0, LARGEST)
         check_number("priority", self.priority, 0.0, 1e6)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Look(Entry):
-    """A direction that a part of the body keeps.
+    """A direction that the front of a part of the body keeps.
 
     Attributes:
         look: the part, such as "head".
-        like: "source", as the source's; or the direction in which its front points, in the target's axes.
+        like: "source" for the source's direction; or a direction in the target's axes.
 
     Raises:
         SettingsError: a value is out of bounds, or the direction has no length.
@@ -199,18 +200,18 @@ class Look(Entry):
         super().__post_init__()
         _check_names("look", (self.look,), 1)
         if self.like != "source":
-            _check_numbers("like", self.like, 3, -LONGEST)
+            _check_numbers("like", self.like, 3, -LARGEST)
             if not any(self.like):
                 raise SettingsError("like is 0, 0, 0, which is no direction; expected one number that is not 0")
 
 
 @dataclass(frozen=True, repr=False)
 class ContactList:
-    """What a user says about the contacts of a clip.
+    """The user constraints of a clip.
 
     Attributes:
-        entries: one for each statement.
-        path: of the file with them, for errors; None without a file.
+        entries: the constraints.
+        path: their file, for errors; None without a file.
 
     Raises:
         SettingsError: an argument has the wrong type.
@@ -219,7 +220,7 @@ class ContactList:
     entries: tuple[Entry, ...] = ()
     path: Path | None = field(default=None, compare=False)
 
-    __repr__ = brief
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         check_kind("entries", self.entries, tuple)
@@ -233,16 +234,16 @@ class ContactList:
         return len(self.entries)
 
     @property
-    def acts(self) -> bool:
-        """Whether any entry changes anything."""
-        return any(entry.acts for entry in self.entries)
+    def has_effect(self) -> bool:
+        """Whether any entry changes the result."""
+        return any(entry.has_effect for entry in self.entries)
 
     def place_of(self, entry: Entry) -> str:
-        """Return where an entry is, such as `contacts[3]`."""
+        """Return the place of an entry in its file, such as `contacts[3]`."""
         return entry.place or f"contacts[{next(n for n, each in enumerate(self.entries) if each is entry)}]"
 
     def fault(self, entry: Entry, key: str, what: str) -> ContactsError:
-        """Return the error that says what is wrong with a key of an entry."""
+        """Return the error for a key of an entry; `what` says what is wrong."""
         return ContactsError(f"{self.place_of(entry)}{key and '.'}{key}", what, self.path)
 
 
@@ -250,7 +251,7 @@ NO_CONTACTS = ContactList()
 
 
 @dataclass(frozen=True, eq=False)
-class Drop:
+class DroppedContact:
     """A contact that does not count in some frames."""
 
     parts: tuple[Numbers, ...]  # the target's joints of its two parts
@@ -279,4 +280,4 @@ def _check_numbers(name: str, values: object, count: int, least: float) -> None:
     if not isinstance(values, tuple) or len(values) != count:
         raise SettingsError(f"{name} is {values!r}; expected {count} numbers")
     for value in values:
-        check_number(name, value, least, LONGEST)
+        check_number(name, value, least, LARGEST)

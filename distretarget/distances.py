@@ -13,12 +13,12 @@ from distretarget.numerics.parallel import over_blocks
 from distretarget.numerics.vectors import F1, F2, F3, I1, Array
 from distretarget.skeleton import Skeleton
 
-MOST_POINTS = 400  # of a body with more, those on its longest branches count: time and memory grow with their pairs
+MOST_POINTS = 400  # a body with more keeps those on its longest branches: time and memory grow with pairs
 NEAREST = 1e-300  # least squared distance, so that coincident points exert no force [body sizes squared]
-LANES = 8  # most numbers in a SIMD register
+LANES = 8  # the most floats in a SIMD register
 
 
-def filled(columns: Array) -> Array:
+def padded(columns: Array) -> Array:
     """Pad an array (..., columns) with zeros to a multiple of `LANES` columns, so that SIMD loops have no remainder."""
     fill = -columns.shape[-1] % LANES
     return np.concatenate([columns, np.zeros((*columns.shape[:-1], fill))], axis=-1)
@@ -29,7 +29,7 @@ def stress_and_gradient(x: Array, delta: Array, pi: Array, gradient: Array) -> f
     """Return sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2, Eq. (2), and write its gradient.
 
     `x` and `gradient` are (3, columns), so that the inner loop runs along memory; `delta` and `pi` are
-    (points, columns), symmetric, with zero diagonals. Padding columns (`filled`) need zeros in `pi`; their gradient is
+    (points, columns), symmetric, with zero diagonals. Padding columns (`padded`) need zeros in `pi`; their gradient is
     not written.
     """
     sigma = 0.0
@@ -64,19 +64,19 @@ def target_distances(x: Array, ratio: Array, delta: Array) -> None:
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class DistanceProblem:
-    """The part of the distance problem that all frames share.
+    """The constants of the distance problem, which all frames share.
 
         minimise sigma(X) = 1/2 sum_{u<v} pi_uv (||x_u - x_v|| - delta_uv)^2,   delta = tau2 D    Eq. (2)
 
     A point is a joint or End Site with a driver; joints that coincide on both skeletons are one point. Solvers use body
-    sizes as the unit of length. Of more than `MOST_POINTS` points, those on the target's longest branches count.
+    sizes as the unit of length. At most `MOST_POINTS` points count, those on the target's longest branches.
     """
 
     sources: NDArray[np.intp]  # (points,), the source joint at each point
     targets: NDArray[np.intp]  # (points,), the target joint at each point
     tau1: Array  # (points, points), path lengths on the source [source file units]
     tau2: Array  # (points, points), path lengths on the target [target file units]
-    # |P|, (points, points), the number of points on the path between two points; the larger of both bodies
+    # |P|, (points, points), the number of points on the path between two points; the larger number of the two bodies
     sizes: NDArray[np.intp]
     body_size: float  # the largest path length of the target [target file units]
 
@@ -93,7 +93,7 @@ class DistanceProblem:
 
     @cached_property
     def priorities(self) -> Array:
-        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points); 0 where tau1 is 0: the source shows no distance."""
+        """pi_uv = (|Pmax| - |P_uv| + 2) / |Pmax|, (points, points); 0 where tau1 is 0."""
         largest = self.sizes.max()
         return np.where(self.tau1 > 0, (largest - self.sizes + 2.0) / largest, 0.0)
 
@@ -114,8 +114,8 @@ def distance_problem(source: Skeleton, target: Skeleton, drivers: NDArray[np.int
 
 
 def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]) -> NDArray[np.intp]:
-    """(target joints,), the joint whose point each target joint shares: itself, or the ancestor with which it coincides
-    on both skeletons; -1 without a driver.
+    """(target joints,), the joint that stands for each target joint in the problem: itself, or the ancestor with which
+    it coincides on both skeletons; -1 without a driver.
     """
     points = np.where(drivers >= 0, np.arange(len(target)), -1)
     coincide = (target.lengths == 0.0) & (source.lengths[drivers] == 0.0)
@@ -127,17 +127,17 @@ def point_of_joint(source: Skeleton, target: Skeleton, drivers: NDArray[np.intp]
 
 
 def posture_stress(problem: DistanceProblem, source: Array, result: Array) -> Array:
-    """(frames,), the stress sigma of the postures `result`, Eq. (2) [body sizes squared]; exactly 0 for the source's.
+    """(frames,), the stress sigma of the postures `result`, Eq. (2) [body sizes squared]; exactly 0 for the source.
 
     `source`, (frames, source joints, 3), and `result`, (frames, target joints, 3), are positions [file units of each].
     """
-    ratio = np.where(problem.ratio > 0, problem.ratio, 1.0)  # where it is 0, so is the priority
+    ratio = np.where(problem.ratio > 0, problem.ratio, 1.0)  # a ratio of 0 has the priority 0
     stress, weights = np.empty(len(result)), problem.priorities
     x, y = (np.ascontiguousarray(positions) for positions in (source, result))
-    per_x, per_y = ratio, np.full_like(ratio, 1.0 / problem.body_size)
+    x_scale, y_scale = ratio, np.full_like(ratio, 1.0 / problem.body_size)
 
     def write(block: slice) -> None:
-        points = x[block], problem.sources, per_x, y[block], problem.targets, per_y
+        points = x[block], problem.sources, x_scale, y[block], problem.targets, y_scale
         _write_stress(*points, weights, np.empty((2, 3, len(weights))), stress[block])
 
     over_blocks(write, len(stress), len(weights))
@@ -146,20 +146,20 @@ def posture_stress(problem: DistanceProblem, source: Array, result: Array) -> Ar
 
 @compiled(fastmath=True)
 def _write_stress(
-    x: F3, of_x: I1, per_x: F2, y: F3, of_y: I1, per_y: F2, weights: F2, scratch: Out[F3], stress: Out[F1]
+    x: F3, x_ids: I1, x_scale: F2, y: F3, y_ids: I1, y_scale: F2, weights: F2, scratch: Out[F3], stress: Out[F1]
 ) -> None:
-    """Write the sum over all pairs u < v of weights_uv (||x_u - x_v|| per_uv - ||y_u - y_v|| per'_uv)^2."""
-    points, p, q = len(of_x), scratch[0], scratch[1]
+    """Write the sum over pairs u < v of weights_uv (x_scale_uv ||x_u - x_v|| - y_scale_uv ||y_u - y_v||)^2."""
+    points, p, q = len(x_ids), scratch[0], scratch[1]
     for frame in range(len(stress)):
         for point in range(points):
             for i in range(3):
-                p[i, point], q[i, point] = x[frame, of_x[point], i], y[frame, of_y[point], i]
+                p[i, point], q[i, point] = x[frame, x_ids[point], i], y[frame, y_ids[point], i]
         total = 0.0
         for u in range(points):
             for v in range(u):
                 one = np.sqrt((p[0, u] - p[0, v]) ** 2 + (p[1, u] - p[1, v]) ** 2 + (p[2, u] - p[2, v]) ** 2)
                 other = np.sqrt((q[0, u] - q[0, v]) ** 2 + (q[1, u] - q[1, v]) ** 2 + (q[2, u] - q[2, v]) ** 2)
-                difference = one * per_x[u, v] - other * per_y[u, v]
+                difference = one * x_scale[u, v] - other * y_scale[u, v]
                 total += weights[u, v] * difference * difference
         stress[frame] = total
 

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Self
 
-LONGEST_SHOWN = 60  # of a name that is longer, only the beginning is in messages [characters]
-LONGEST_LINE = 2000  # on a terminal; of a line that is longer, the middle is left out [characters]
-LAST_SHOWN = 600  # of such a line, from its end, where the advice is [characters]
+LONGEST_NAME = 60  # longer names are cut off in messages [characters]
+LONGEST_LINE = 2000  # longer lines on a terminal lose their middle [characters]
+LINE_END = 600  # this end of such a line stays, as it has the advice [characters]
 SAY_IN_A_MAP = "say in a map which source joint drives which target joint"
 
 
@@ -23,7 +23,7 @@ class DistretargetError(Exception):
         reason: the message without the place.
         path: the file at fault, or None.
         performer: the number of the performer of a scene at fault, or None.
-        of_target: whether the fault is in its target, not in its source.
+        of_target: whether that performer's target is at fault, not its source.
     """
 
     performer: int | None = None
@@ -84,8 +84,8 @@ class SettingsError(DistretargetError):
 
 
 class MatchingError(DistretargetError):
-    """Two skeletons whose joints cannot be matched: `fault` says why not, and `reason` adds the closest of the joint
-    names `source` and `target`, or some of both.
+    """Two skeletons whose joints cannot be matched: `fault` says why, and `reason` adds the most similar of the joint
+    names `source` and `target`, or else some of both.
     """
 
     def __init__(self, fault: str, source: Sequence[str], target: Sequence[str], advice: str = SAY_IN_A_MAP) -> None:
@@ -98,7 +98,7 @@ class MatchingError(DistretargetError):
 
     @property
     def is_of_source(self) -> bool:
-        """Whether the fault is one of the source alone."""
+        """Whether the source alone is at fault."""
         return "the source" in self.fault and "target" not in self.fault
 
     def advised(self, advice: str) -> MatchingError:
@@ -115,7 +115,7 @@ class MapError(DistretargetError):
 
 
 class ContactsError(DistretargetError):
-    """A statement about contacts that does not suit the clip; `place` is such as `contacts[3].frames`."""
+    """A user constraint that does not suit the clip; `place` is such as `contacts[3].frames`."""
 
     def __init__(self, place: str, fault: str, path: str | Path | None = None) -> None:
         super().__init__(fault, path, f": {place}" if place else "")
@@ -129,7 +129,7 @@ class MissingPackageError(DistretargetError):
 
 
 class LibraryError(DistretargetError):
-    """The library of compiled functions is missing, damaged, out of date, or for another machine; what brings it."""
+    """A library of compiled functions that is missing, damaged, old or for another machine; `remedy` installs it."""
 
     def __init__(self, path: str | Path, reason: str, remedy: str) -> None:
         super().__init__(f"{reason}; the compiled functions come with: {remedy}", path)
@@ -141,7 +141,7 @@ class BatchError(DistretargetError):
 
 @contextmanager
 def in_file(path: str | Path) -> Iterator[None]:
-    """Errors within that name no file are of this file."""
+    """Set the file at fault of errors raised within that have none."""
     try:
         yield
     except DistretargetError as error:
@@ -150,13 +150,13 @@ def in_file(path: str | Path) -> Iterator[None]:
 
 def cut(name: str) -> str:
     """Return a name, or only its beginning if it is too long for a message."""
-    return name if len(name) <= LONGEST_SHOWN else f"{name[:LONGEST_SHOWN]}..."
+    return name if len(name) <= LONGEST_NAME else f"{name[:LONGEST_NAME]}..."
 
 
 def shown(line: str) -> str:
-    """Return a line as a terminal may show it: not too long, and what controls the terminal or the text escaped."""
+    """Return a line fit for a terminal: not too long, and control characters escaped."""
     if len(line) > LONGEST_LINE:
-        line = f"{line[: LONGEST_LINE - LAST_SHOWN]} ... {line[-LAST_SHOWN:]}"
+        line = f"{line[: LONGEST_LINE - LINE_END]} ... {line[-LINE_END:]}"
     if line.isprintable():
         return line
     harmless = {each for each in line if each.isprintable() or unicodedata.category(each) == "Zs"}
@@ -171,14 +171,14 @@ def quoted(names: Iterable[str], most: int = 6) -> str:
 
 
 def name_difference(names: Iterable[str], expected: Iterable[str]) -> str:
-    """Return which of the expected names are lacking, and which other names there are."""
+    """Return which expected names are missing, and which names are not expected."""
     names, expected = set(names), set(expected)
     sides = (("lacks", expected - names), ("has", names - expected))
     return "; ".join(f"it {verb} {quoted(sorted(side))}" for verb, side in sides if side)
 
 
 def counted(number: int, what: str) -> str:
-    """Return how many there are of what, such as "1 frame" or "12 frames"."""
+    """Return a number and its noun, such as "1 frame" or "12 frames"."""
     return f"{number} {what}{'' if number == 1 else 's'}"
 
 

@@ -24,13 +24,13 @@ from distretarget.skeleton import HALF_TURN, LARGEST, SMALLEST, Skeleton
 from distretarget.stick_figures import likely_up, stick_figures
 
 SHORTEST_FRAME, LONGEST_FRAME = 1e-5, 1e3  # bounds of the frame time [s]
-SLOWEST, FASTEST = 1e-3, 1e5  # the same as frame rates [frames/s]
+SLOWEST, FASTEST = 1e-3, 1e5  # the same bounds as frame rates [frames/s]
 UNIT_ERROR = 1e-6  # tolerance of the length of a unit quaternion
-ROUNDING = 1e-9  # a length that is farther off is made 1: float32 is off by 1e-7, float64 by 1e-15
-MOST_SAMPLES = 20  # resampling makes no more than this of each frame ...
+ROUNDING = 1e-9  # quaternions off length 1 by more are normalised: float32 is off by 1e-7, float64 by 1e-15
+MOST_SAMPLES = 20  # resampling makes at most this many frames of each frame ...
 FREE_SAMPLES = 1_000_000  # ... unless the result is smaller than this [frames x joints]
 SAME_TIME = 1e-6  # tolerance within which two frame times are the same [of the frame time]
-SHOWN = 7  # frames in a picture of a motion
+SHOWN = 7  # postures in a picture of a motion
 NUMERALS = frozenset("0123456789.+-eE")
 
 
@@ -60,7 +60,7 @@ class MotionArrays(TypedDict):
         names: (joints,), unique joint names (`Skeleton.keys`).
         parents, offsets, end_sites: as in `Skeleton`.
         frame_time: time between frames [s].
-        root_path, positions: (frames, 3) and (frames, joints, 3), of root and joints in the world [file units].
+        root_path, positions: (frames, 3) and (frames, joints, 3), world positions of root and joints [file units].
         local_rotations, world_rotations: relative to the parent and in the world, (frames, joints, 4),
             (frames, joints, 3, 3) or (frames, joints, 6).
     """
@@ -102,7 +102,7 @@ class MovingBones:
 
     @classmethod
     def among(cls, skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> MovingBones | None:
-        """Return the moving ones among the bones of some joints with `translations`, (frames, joints, 3), or None."""
+        """Return the bones of `joints` that move, by `translations`, (frames, joints, 3); None if none does."""
         moving = (translations != skeleton.offsets[joints]).any(axis=(0, 2)) & (joints > 0)
         return cls(joints[moving], translations[:, moving]) if moving.any() else None
 
@@ -117,8 +117,8 @@ class Motion:
     Attributes:
         skeleton: the skeleton.
         root_positions: (frames, 3), world positions of the root [file units].
-        rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions; those of float32, which
-            are not quite of length 1, are normalised.
+        rotations: (frames, joints, 4), rotations relative to the parent, as unit quaternions; rounding to float32 is
+            corrected.
         frame_time_text: the time between frames [s], with the digits of the file.
         moving: the bones that stretch or slide; None if all keep their offset.
 
@@ -156,7 +156,7 @@ class Motion:
 
     @classmethod
     def of_translations(cls, skeleton: Skeleton, translations: Array, rotations: Array, frame_time_text: str) -> Motion:
-        """Return the motion with these `translations` (see the property); other arguments and errors as in `Motion`."""
+        """Return the motion with given `translations` (see the property); other arguments and errors as in `Motion`."""
         check_kind("skeleton", skeleton, Skeleton)
         exact = _as_array("translations", translations, ("frames", len(skeleton), 3))
         moving = MovingBones.among(skeleton, np.arange(len(skeleton)), exact)
@@ -166,7 +166,7 @@ class Motion:
         return len(self.rotations)
 
     def __getitem__(self, frames: int | slice | NDArray[np.intp]) -> Motion:
-        """Return the motion of one frame, or of those of a slice or of an array of numbers; else an IndexError."""
+        """Return the motion of one frame, a slice of frames or an array of frame indices; else an IndexError."""
         if isinstance(frames, slice) and frames == slice(0, len(self)):
             return self
         if isinstance(frames, int | np.integer):
@@ -223,12 +223,12 @@ class Motion:
         return world_rotations(self.skeleton.parents, self.rotations[frames])
 
     def world_rotations_of(self, joint: int) -> Array:
-        """(frames, 4), the world rotations of one joint; kept, since several measures ask for the same joints."""
-        kept: dict[int, Array] = vars(self).setdefault("_kept_rotations", {})
-        if joint not in kept:
-            line = np.array(self.skeleton.line(joint)[::-1], np.intp)
-            kept[joint] = read_only(line_rotations(line, self.rotations))
-        return kept[joint]
+        """(frames, 4), the world rotations of one joint; cached."""
+        cache: dict[int, Array] = vars(self).setdefault("_rotation_cache", {})
+        if joint not in cache:
+            line = np.array(self.skeleton.to_root(joint)[::-1], np.intp)
+            cache[joint] = read_only(line_rotations(line, self.rotations))
+        return cache[joint]
 
     @cached_property
     def positions(self) -> Array:
@@ -242,11 +242,11 @@ class Motion:
         return positions
 
     def positions_in(self, frames: slice) -> Array:
-        """(frames, joints, 3), the `positions` in some frames; computed for them alone unless all are kept."""
+        """(frames, joints, 3), the `positions` in some frames; only those are computed unless all are cached."""
         return self.positions[frames] if "positions" in vars(self) else self._placed(frames)
 
     def positions_of(self, joints: NDArray[np.intp]) -> Array:
-        """(frames, some joints, 3), the `positions` of some joints; not kept."""
+        """(frames, some joints, 3), the `positions` of some joints; not cached."""
         return in_blocks(lambda block: np.take(self.positions_in(block), joints, axis=1), len(self))
 
     def _placed(self, frames: slice) -> Array:
@@ -254,10 +254,10 @@ class Motion:
         world = self.world_rotations_in(frames)
         return joint_positions(self.skeleton.parents, self.root_positions[frames], bones, world)
 
-    def forget(self) -> None:
-        """Free the positions and world rotations that are kept; they are computed again when they are asked for."""
-        for kept in ("positions", "_kept_rotations"):
-            vars(self).pop(kept, None)
+    def clear_cache(self) -> None:
+        """Free the cached positions and world rotations; they are computed again when needed."""
+        for name in ("positions", "_rotation_cache"):
+            vars(self).pop(name, None)
 
     @property
     def bones(self) -> Array:
@@ -265,19 +265,19 @@ class Motion:
         bones = np.take(self.positions, self.skeleton.parents, axis=1)
         return np.subtract(self.positions, bones, out=bones)
 
-    def looking_ahead(self) -> Motion:
-        """Return the motion of a body that looks to +Z: turned round where it looked to -Z (`Skeleton.looks_back`)."""
+    def facing_forward(self) -> Motion:
+        """Return the motion of the body facing +Z by convention: turned if it faced -Z (`Skeleton.looks_back`)."""
         return self.turned_round() if self.skeleton.looks_back else self
 
     def turned_round(self) -> Motion:
-        """Return the motion of the body turned half round about Y, in its rest pose too (`Skeleton.turned_round`)."""
+        """Return the motion turned by 180 degrees about Y, rest pose included (`Skeleton.turned_round`)."""
         moving = self.moving and MovingBones(self.moving.joints, self.moving.translations * HALF_TURN)
         rotations = self.rotations * np.append(HALF_TURN, 1.0)
         path = self.root_positions * HALF_TURN
         return Motion(self.skeleton.turned_round(), path, rotations, self.frame_time_text, moving)
 
-    def in_turned_world(self, turn: Rotation) -> Motion:
-        """Return the motion in a world that is turned about its origin: by one rotation, or by one for each frame."""
+    def rotated_about_origin(self, turn: Rotation) -> Motion:
+        """Return the motion rotated about the origin of the world: by one rotation, or by one for each frame."""
         rotations = np.array(self.rotations)
         rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
         return replace(self, root_positions=turn.apply(np.array(self.root_positions)), rotations=rotations)
@@ -287,14 +287,14 @@ class Motion:
         return replace(self, root_positions=self.root_positions + by) if by.any() else self
 
     def scaled(self, factor: float) -> Motion:
-        """Return the motion of a larger body on a larger path; a SettingsError if the factor is not above 0."""
+        """Return the motion with body and path scaled by a factor; a SettingsError if it is not above 0."""
         check_number("factor", factor, SMALLEST, LARGEST)
         moving = self.moving and MovingBones(self.moving.joints, factor * self.moving.translations)
         skeleton = self.skeleton.with_offsets(factor * self.skeleton.offsets)
         return Motion(skeleton, factor * self.root_positions, self.rotations, self.frame_time_text, moving)
 
     def resampled_frames(self, frame_time_text: str) -> int:
-        """Return how many frames the motion has at another frame time."""
+        """Return the number of frames at another frame time."""
         step = float(frame_time_text)
         if not len(self) or same_time(self.frame_time, step):
             return len(self)
@@ -302,8 +302,8 @@ class Motion:
 
     def resampled(self, frame_time_text: str, most: int | None = None) -> Motion:
         """Return the motion at another frame time: translations interpolated linearly, rotations spherically; if given,
-        only the first `most` frames. A MotionError if it is no frame time, or makes far more frames than the motion
-        has.
+        only the first `most` frames. A MotionError if the frame time is invalid, or makes far more frames than the
+        motion has.
         """
         _check_frame_time(frame_time_text)
         step = float(frame_time_text)
@@ -326,8 +326,8 @@ class Motion:
         return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns),
-        else a MotionError.
+        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns);
+        a MotionError for another kind.
         """
         if not isinstance(rotations, str) or rotations not in get_args(RotationKind):
             raise MotionError(f"rotations is {rotations!r}; expected one of {quoted(get_args(RotationKind))}")
@@ -345,7 +345,7 @@ class Motion:
 
     @cached_property
     def rigid_skeleton(self) -> Skeleton:
-        """The skeleton with rigid bones: moving ones get the median direction and length of all frames."""
+        """The skeleton with rigid bones: moving bones get their median direction and length over the frames."""
         if self.moving is None:
             return self.skeleton
         joints, offsets = self.moving.joints, np.array(self.skeleton.offsets)
@@ -356,7 +356,7 @@ class Motion:
 
 
 def check_reach(motion: Motion, name: str) -> None:
-    """Raise a MotionError if positions of a motion are too large to compute with."""
+    """Raise a MotionError if positions of a motion are not finite, or too large to compute with; `name` names it."""
     if not np.isfinite(reach := extent(motion.positions)):
         raise MotionError(f"{name} has positions that are not finite; every number has to be")
     if reach > LARGEST:
@@ -385,7 +385,7 @@ def motion_of_world(
 
 
 def single_precision(motion: Motion) -> Motion:
-    """Return a motion whose positions and rotations are rounded to seven digits, as 32-bit numbers are."""
+    """Return a motion with positions and rotations rounded to float32, about seven digits."""
     bones = motion.moving
     return replace(
         motion,
@@ -396,7 +396,7 @@ def single_precision(motion: Motion) -> Motion:
 
 
 def in_float32(values: Array) -> Array:
-    """Return numbers rounded to 32 bits."""
+    """Return numbers rounded to float32."""
     return values.astype(np.float32).astype(np.float64)
 
 

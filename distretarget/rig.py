@@ -1,6 +1,7 @@
-"""Caches for what depends on the rig alone, a body or a pair of bodies without motions, so that it is computed once for
-all clips. Bodies and matchings have a `rig`: one object for all clips of equal skeletons, or None where rest poses do
-not show how the bodies stand, so that each clip has to show it.
+"""Caches of results that depend on the rig alone, a body or a pair of bodies without motions, for all clips of it.
+
+`Body.rig` and `Matching.rig` are one object for all clips with equal skeletons. They are None if the rest poses do not
+show how the bodies stand: then each clip has its own results.
 """
 
 from __future__ import annotations
@@ -9,14 +10,14 @@ from collections.abc import Callable
 from functools import cached_property, lru_cache, wraps
 from typing import Any, TypeVar, cast
 
-KEPT = 8  # the number of rigs, and of results of each function of rigs, that are kept: those used last
+CACHED_RIGS = 8  # rigs, and results of each function of rigs, that are cached: the most recently used
 
 Value = TypeVar("Value")
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
-class of_rig(cached_property[Value]):  # noqa: N801 - a decorator
-    """A cached property that does not depend on the motion; computed once for all owners with the same `rig`."""
+class rig_property(cached_property[Value]):  # noqa: N801 - a decorator
+    """A cached property that does not depend on the motion; all owners with the same `rig` share its value."""
 
     def __get__(self, owner: Any, kind: type | None = None) -> Value:  # type: ignore[override]
         """Return the value of the owner's rig."""
@@ -27,17 +28,17 @@ class of_rig(cached_property[Value]):  # noqa: N801 - a decorator
         return value
 
 
-def found_once(function: Function) -> Function:
-    """Decorator of a function that does not depend on the motions of its arguments; results for rigs are kept.
+def rig_cached(function: Function) -> Function:
+    """Decorate a function that does not depend on the motions of its arguments: cache its results for rigs.
 
     Its arguments are positional and hashable, and its results are not written to.
     """
-    kept = lru_cache(maxsize=KEPT)(function)
+    cached = lru_cache(maxsize=CACHED_RIGS)(function)
 
     @wraps(function)
     def find(*arguments: Any) -> Any:
         rigs = [getattr(each, "rig", each) for each in arguments]
-        moves = any(rig is None and each is not None for rig, each in zip(rigs, arguments, strict=True))
-        return function(*arguments) if moves else kept(*rigs)
+        needs_motion = any(rig is None and each is not None for rig, each in zip(rigs, arguments, strict=True))
+        return function(*arguments) if needs_motion else cached(*rigs)
 
     return cast(Function, find)

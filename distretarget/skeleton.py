@@ -19,14 +19,14 @@ from distretarget.stick_figures import likely_up, stick_figures
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
 ROTATION_CHANNELS = ("Xrotation", "Yrotation", "Zrotation")
 ALL_CHANNELS = POSITION_CHANNELS + ROTATION_CHANNELS
-USUAL_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")  # of joints for which a file states no channels
-USUAL_ROOT = POSITION_CHANNELS + USUAL_ROTATIONS  # of such a root
+DEFAULT_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")  # of joints for which a file states no channels
+DEFAULT_ROOT = POSITION_CHANNELS + DEFAULT_ROTATIONS  # of a root for which it states none
 AXES = ("X", "Y", "Z", "-X", "-Y", "-Z")  # possible up axes of a file
-HALF_TURN = np.array([-1.0, 1.0, -1.0])  # what turns vectors half round about Y
+HALF_TURN = np.array([-1.0, 1.0, -1.0])  # factors that turn a vector by 180 degrees about Y
 METRES = {"mm": 0.001, "cm": 0.01, "m": 1.0, "dm": 0.1, "in": 0.0254, "ft": 0.3048}  # length units [m]
 UNITS = tuple(METRES)  # length units a file may state
-MOST_LETTERS = 1_000_000  # that keys may have in addition to 20 times those of the names
-MANY, FLAT = 8, 0.8  # a tree of so many joints is flat if more than this share of them hangs from the root [0 to 1]
+MOST_LETTERS = 1_000_000  # all keys together may have this many letters more than 20 times the names
+FLAT_JOINTS, FLAT = 8, 0.8  # a tree of so many joints is flat if more than this share hangs from the root [0 to 1]
 # Bounds within which all computations stay finite and exact to a few digits [file units].
 LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale
 SMALLEST = 1e-12  # least length of the longest bone; also the least scale
@@ -49,10 +49,10 @@ class Skeleton:
         end_sites: (joints,), true for End Sites.
         units: unit of the offsets, one of `UNITS`; None if the file does not state it.
         up: up axis, one of `AXES`; None if the file does not state it.
-        humanoid: pairs of a bone, by VRM 1.0's names of bones, such as "leftUpperArm", and its joint; empty if the file
-            does not state them. Where it does, they alone say which joint is which part of the body.
-        looks_back: whether bodies in its file look to -Z by convention, as in VRM 0; all others look to +Z.
-        floor_at_zero: whether the rest pose, with the root at its offset, is above a floor at height 0, as in files of
+        humanoid: pairs of a bone, by its name in VRM 1.0, such as "leftUpperArm", and its joint; empty if the file
+            states none. If it does, names and shape of the skeleton are not used to recognise the body.
+        looks_back: whether bodies in its file face -Z by convention, as in VRM 0; all others face +Z.
+        floor_at_zero: whether the rest pose, with the root at its offset, stands on a floor at height 0, as in files of
             characters.
 
     Raises:
@@ -233,7 +233,7 @@ class Skeleton:
         return kinematics.paths_among(joints, self.parents, self.lengths)
 
     def path_sizes(self, joints: NDArray[np.intp], counted: NDArray[np.intp] | None = None) -> NDArray[np.intp]:
-        """Return |P|, (some, some), the number of joints on the paths between some, of those `counted` if given."""
+        """Return |P|, (some, some), the number of joints on each path, of those `counted` if given."""
         bones = np.ones(len(self)) if counted is None else np.isin(np.arange(len(self)), counted).astype(np.float64)
         return kinematics.paths_among(joints, self.parents, bones).astype(np.intp) + 1
 
@@ -270,36 +270,36 @@ class Skeleton:
         return np.array(above)
 
     @cached_property
-    def places(self) -> NDArray[np.intp]:
-        """(joints,), the topmost joint at the place of each joint: its parent's if its bone has no length."""
-        places = list(range(len(self)))
+    def coincident(self) -> NDArray[np.intp]:
+        """(joints,), the topmost joint that coincides with each joint, across bones of length 0."""
+        topmost = list(range(len(self)))
         for joint in np.flatnonzero(self.lengths[1:] == 0.0) + 1:
-            places[joint] = places[self.parents[joint]]
-        return np.array(places)
+            topmost[joint] = topmost[self.parents[joint]]
+        return np.array(topmost)
 
     def on_longest_branches(self, joints: NDArray[np.intp], most: int) -> NDArray[np.intp]:
-        """Return up to `most` of some joints, ascending: those on the longest branches, chains of bones to a leaf."""
+        """Return up to `most` of some joints, ascending: those on the longest branches (chains of bones to a leaf)."""
         branches = np.zeros(len(self))
         np.maximum.at(branches, self.farthest, self.lengths + self.reach)
         return np.sort(joints[np.argsort(-branches[self.farthest[joints]], kind="stable")[:most]])
 
     @property
     def is_flat(self) -> bool:
-        """Whether nearly all of many joints hang from the root, so that the tree says nothing of what they are."""
+        """Whether nearly all joints of a larger skeleton hang from the root, so that the tree shows no anatomy."""
         joints = self.joints[1:]
-        return len(joints) >= MANY and float(np.mean(self.parents[[*joints]] == 0)) > FLAT
+        return len(joints) >= FLAT_JOINTS and float(np.mean(self.parents[[*joints]] == 0)) > FLAT
 
-    def meet(self, joints: Iterable[int]) -> int:
-        """Return the lowest common ancestor of some joints."""
-        return max(set.intersection(*({*self.line(joint)} for joint in joints)))
+    def common_ancestor(self, joints: Iterable[int]) -> int:
+        """Return the lowest common ancestor of some joints, which may be one of them."""
+        return max(set.intersection(*({*self.to_root(joint)} for joint in joints)))
 
     @cached_property
     def rest_positions(self) -> NDArray[np.float64]:
         """(joints, 3), joint positions in the rest pose with the root at the origin [file units]."""
-        return self.posed(self.unturned)
+        return self.posed(self.rest_rotations)
 
     @property
-    def unturned(self) -> NDArray[np.float64]:
+    def rest_rotations(self) -> NDArray[np.float64]:
         """(joints, 4), the world rotations of the rest pose: the identity."""
         return np.tile([0.0, 0.0, 0.0, 1.0], (len(self), 1))
 
@@ -309,14 +309,14 @@ class Skeleton:
             kinematics.joint_positions(self.parents, np.zeros((1, 3)), self.offsets[None], world[None])[0]
         )
 
-    def line(self, joint: int) -> list[int]:
+    def to_root(self, joint: int) -> list[int]:
         """Return the joints from `joint` up to the root, both included."""
         up = [joint]
         while up[-1]:
             up.append(self.parents.item(up[-1]))
         return up
 
-    def lines(self, joints: Iterable[int]) -> set[int]:
+    def with_ancestors(self, joints: Iterable[int]) -> set[int]:
         """Return these joints and all their ancestors."""
         found = {-1}
         for joint in map(int, joints):
@@ -333,7 +333,7 @@ class Skeleton:
         return below
 
     def subtree_at(self, joint: int) -> list[int]:
-        """Return `joint` and all its descendants; for an End Site from its parent on, which moves the skin there."""
+        """Return the subtree of a joint; for an End Site that of its parent, which moves the skin there."""
         return self.subtree(self.parents.item(joint) if self.end_sites[joint] else joint)
 
     def rotation_axes(self, joint: int) -> str:
@@ -354,12 +354,12 @@ class Skeleton:
         return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked by the constructor
 
     def turned_round(self) -> Skeleton:
-        """Return the skeleton turned half round about Y to look to +Z where it looked to -Z (`looks_back`), or back."""
+        """Return the skeleton turned by 180 degrees about Y, which changes whether it faces -Z (`looks_back`)."""
         return replace(self, offsets=self.offsets * HALF_TURN, looks_back=not self.looks_back)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the same tree and bone directions with other bone lengths, (joints,), from 0, else a SkeletonError;
-        bones of length 0 keep it.
+        """Return the same tree and bone directions with other bone lengths, (joints,), at least 0. Bones of length 0
+        keep this length. A SkeletonError for other lengths.
         """
         if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")

@@ -11,7 +11,7 @@ from distretarget.numerics.vectors import Array
 
 HEIGHT = 100.0  # of a picture [units of SVG]
 GAP = 12.0  # around and between postures [units of SVG]
-ASIDE = np.radians(25)  # how far the view is turned from that in which the first posture is widest [rad]
+ASIDE = np.radians(25)  # angle between the view and the view in which the first posture is widest [rad]
 STYLE = "height:9em;max-width:100%;color:inherit"
 BONE = 'fill="none" stroke="currentColor" stroke-width="1.6" stroke-linecap="round"'
 
@@ -19,7 +19,7 @@ BONE = 'fill="none" stroke="currentColor" stroke-width="1.6" stroke-linecap="rou
 def stick_figures(parents: NDArray[np.intp], postures: Array, up: Array, label: str, marked: int = -1) -> str:
     """Return an SVG with postures, (postures, joints, 3), side by side, seen from near where the first is widest.
 
-    `up` is the unit vector up, (3,); `label` says what is seen; there is a red dot on the joint `marked`.
+    `up` is the unit vector up, (3,); `label` describes the picture; the joint `marked` gets a red dot.
     """
     heights = postures @ up
     level = postures[0] - heights[0][:, None] * up

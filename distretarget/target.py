@@ -1,4 +1,4 @@
-"""Targets: a whole skeleton, or the source's skeleton with edited bone lengths."""
+"""Targets: a whole skeleton, or the source's skeleton with other bone lengths."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Target:
         map: the joint map in the file; empty if it has none.
         name: the skeleton's name in the file; empty if it has none.
         motion: the motion of a BVH file, if it has a valid one; it may show axes that the rest pose does not.
-        mesh: returns the mesh of a character, or None; it is called where the mesh is needed.
-        radii: of what single joints carry, by joint, as the file states them [file units].
-        capsules: its surface, where it is known already; else mesh or radii show it, or it is an average body's.
+        mesh: returns the mesh of a character, or None; called when the mesh is needed.
+        radii: mean thickness of the parts that single joints carry, by joint, if the file states it [file units].
+        capsules: the body's surface, if already known; else it comes from mesh or radii, or from an average body.
     """
 
     skeleton: Skeleton
@@ -48,27 +48,27 @@ class Target:
 
     @property
     def is_measured(self) -> bool:
-        """Whether the thickness of the body is known: its file has a mesh or radii."""
+        """Whether the file shows the thickness of the body, by a mesh or radii."""
         return bool(self.radii) or self.mesh() is not None
 
     def for_source(self, source: Skeleton) -> Target:  # noqa: ARG002
         """Return the target itself: it is the same for every source."""
         return self
 
-    def looking_ahead(self) -> Target:
-        """Return the target as a body that looks to +Z: turned round where it looks to -Z (`Skeleton.looks_back`)."""
+    def facing_forward(self) -> Target:
+        """Return the target facing +Z by convention: turned if it faced -Z (`Skeleton.looks_back`)."""
         if not self.skeleton.looks_back:
             return self
         return replace(
             self,
             skeleton=self.skeleton.turned_round(),
-            motion=self.motion and self.motion.looking_ahead(),
+            motion=self.motion and self.motion.facing_forward(),
             mesh=cache(lambda: (mesh := self.mesh()) and mesh.turned_round()),
             capsules=self.capsules and self.capsules.turned_round(),
         )
 
     def scaled(self, factor: float) -> Target:
-        """Return the target with a body that is larger by a factor."""
+        """Return the target with its body scaled by a factor."""
         return replace(
             self,
             skeleton=self.skeleton.with_offsets(factor * self.skeleton.offsets),
@@ -109,12 +109,12 @@ class SkeletonEdit:
         """Return the edited skeleton as a target; errors as in `apply`."""
         return Target(self.apply(source), {}, "")
 
-    def looking_ahead(self) -> SkeletonEdit:
-        """Return the changes themselves: lengths look nowhere."""
+    def facing_forward(self) -> SkeletonEdit:
+        """Return the same edit: lengths have no direction."""
         return self
 
     def scaled(self, factor: float) -> SkeletonEdit:
-        """Return the changes that make a body that is larger by a factor."""
+        """Return the edit with its result scaled by a factor."""
         lengths = {key: factor * length for key, length in self.lengths.items()}
         return replace(self, scale=factor * self.scale, lengths=lengths)
 
@@ -139,7 +139,7 @@ class SkeletonEdit:
             raise SkeletonFileError(self.path, "", str(error)) from error
 
     def _bone(self, field: str, key: str, source: Skeleton) -> int:
-        """The joint with this key; an error if it has no bone to change."""
+        """The joint with this key; an error if it has no bone whose length can be changed."""
         place = entry_place(field, key)
         if key not in source.keys:
             raise SkeletonFileError(self.path, place, f"no such joint; {closest(key, source.keys)}")
@@ -152,7 +152,7 @@ class SkeletonEdit:
 
 
 LoadedTarget = Target | SkeletonEdit
-"""What `load_target` returns: a whole skeleton, or changes of the source's."""
+"""What `load_target` returns: a whole skeleton, or an edit of the source's."""
 
 AnyTarget = Motion | Skeleton | LoadedTarget
 """What `retarget` takes for the body to retarget to."""

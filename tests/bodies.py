@@ -18,7 +18,7 @@ from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.matching.matching import Matching, match
 from distretarget.numerics.quaternions import least_rotation
-from distretarget.skeleton import USUAL_ROOT, USUAL_ROTATIONS, JointMap
+from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, JointMap
 from distretarget.target import LoadedTarget
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -147,7 +147,9 @@ def tree_of(
         names=names,
         parents=np.array(parents if len(parents) else range(-1, count - 1)),
         offsets=offsets,
-        channels=tuple(() if name in ends else (USUAL_ROTATIONS if k else USUAL_ROOT) for k, name in enumerate(names)),
+        channels=tuple(
+            () if name in ends else (DEFAULT_ROTATIONS if k else DEFAULT_ROOT) for k, name in enumerate(names)
+        ),
         end_sites=[name in ends for name in names],
     )
 

@@ -13,8 +13,8 @@ from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performan
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, read_motion, retarget
-from distretarget.body.beside import in_tree
-from distretarget.skeleton import USUAL_ROOT
+from distretarget.body.tree_repairs import reparented
+from distretarget.skeleton import DEFAULT_ROOT
 from distretarget.target import Target
 
 MIXAMO = (
@@ -77,7 +77,7 @@ class Disguise(NamedTuple):
     def target(self, structure: Structure, folder: Path) -> Target:
         """The sample's body in a structure as a reader of such a file returns it."""
         still = sample("walk")[:1]
-        at_rest = replace(still, rotations=still.skeleton.unturned[None])
+        at_rest = replace(still, rotations=still.skeleton.rest_rotations[None])
         named = self.worn(structure(at_rest))
         if not self.gltf:
             return Target(named.skeleton, {}, "")
@@ -149,8 +149,8 @@ def beside(*parts: str) -> Structure:
         skeleton = motion.skeleton
         parents, channels = dict(enumerate(skeleton.parents.tolist())), dict(enumerate(skeleton.channels))
         for joint in (skeleton.index(side + part) for side in SIDES for part in parts):
-            parents[joint], channels[joint] = 0, USUAL_ROOT
-        return in_tree(skeleton, parents, channels).motion(motion)
+            parents[joint], channels[joint] = 0, DEFAULT_ROOT
+        return reparented(skeleton, parents, channels).motion(motion)
 
     return write
 
@@ -191,7 +191,7 @@ def without_toes(motion: Motion) -> Motion:
     skeleton = motion.skeleton
     toes = {joint for side in SIDES for joint in skeleton.subtree(skeleton.index(f"{side}Toe"))}
     parents = {joint: parent for joint, parent in enumerate(skeleton.parents.tolist()) if joint not in toes}
-    return in_tree(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
+    return reparented(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
 
 
 def hips_on_floor(motion: Motion) -> Motion:
@@ -271,4 +271,4 @@ def all_under_root(motion: Motion) -> Motion:
     """All joints hang from the root."""
     skeleton = motion.skeleton
     parents = {joint: 0 if joint else -1 for joint in skeleton.joints}
-    return in_tree(skeleton, parents, dict.fromkeys(parents, USUAL_ROOT)).motion(motion)
+    return reparented(skeleton, parents, dict.fromkeys(parents, DEFAULT_ROOT)).motion(motion)

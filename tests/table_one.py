@@ -4,7 +4,7 @@ import numpy as np
 
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
-USUAL_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
+DEFAULT_ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 SPINE = (
     ("Chest", "Hips", 0.160),
     ("Chest2", "Chest", 0.179),
@@ -32,7 +32,7 @@ def table_one() -> Skeleton:
         names=names,
         parents=np.array([-1, *(names.index(parent) for _, parent, *_ in bones)]),
         offsets=np.array([(0, 0, 0), *(length * np.array(way) for *_, length, way in bones)]),
-        channels=(POSITION_CHANNELS + USUAL_ROTATIONS, *[USUAL_ROTATIONS] * len(bones)),
+        channels=(POSITION_CHANNELS + DEFAULT_ROTATIONS, *[DEFAULT_ROTATIONS] * len(bones)),
         end_sites=np.zeros(len(names), bool),
         units="m",
         up="Y",

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from distretarget import Body
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.anatomy import Regions
-from distretarget.body.limbs import Arm, before, raised
+from distretarget.body.limbs import Arm, arm_raise, in_front_or_behind
 from distretarget.distances import distance_problem
 from distretarget.ik.springs import Springs
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
@@ -125,7 +125,7 @@ def test_arms_hang_by_gravity_or_along_the_trunk_and_elbows_count():
         x = straight.copy()
         x[2] = x[1] + Rotation.from_euler("X", elbow, degrees=True).apply(x[2] - x[1])
         x[1:3] = Rotation.from_euler("X", shoulder, degrees=True).apply(x[1:3])
-        return raised(Rotation.from_euler("X", whole, degrees=True).apply(x)[None], arm, [3], up)[0]
+        return arm_raise(Rotation.from_euler("X", whole, degrees=True).apply(x)[None], arm, [3], up)[0]
 
     assert of(20, 30) == 0.0
     assert of(50, 60) == pytest.approx(1.0)
@@ -143,7 +143,7 @@ def test_a_hanging_hand_is_put_in_front_of_the_trunk_or_behind_it(angle, expecte
     hand = np.array([0.2 * np.cos(np.radians(angle)), -0.1, 0.2 * np.sin(np.radians(angle))])
     x = np.array([[0.2, 0.5, 0], [-0.2, 0.5, 0], [0.1, 0, 0], [-0.1, 0, 0], hand])
     x = Rotation.from_euler("XYZ", [40, 70, 20], degrees=True).apply(x) + 3.0
-    assert before(x[None], [4], [0, 1], [2, 3])[0] == pytest.approx(expected, abs=1e-9)
+    assert in_front_or_behind(x[None], [4], [0, 1], [2, 3])[0] == pytest.approx(expected, abs=1e-9)
 
 
 def test_hanging_arms_are_as_long_as_the_arms_and_below_the_shoulders():

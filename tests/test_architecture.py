@@ -94,7 +94,7 @@ PLAIN = {
     "Sole",
     "Regions",
     "Matching",
-    "Drop",
+    "DroppedContact",
     "Motion",
     "Skeleton",
     "Capsules",
@@ -103,7 +103,7 @@ PLAIN = {
     "SettingsError",
     "counted",
     "distance_problem",
-    "found_once",
+    "rig_cached",
 }
 # Modules that tell what rests, touches or is the floor: a judge takes types from them alone.
 JUDGEMENT = ("body.resting", "body.limbs", "body.soles", "matching.undersides", "skin.limbs", "skin.displacement")

@@ -220,9 +220,9 @@ def test_captured_people_are_recognised_with_left_and_right(name):
 def test_up_is_found_by_how_the_body_stands_in_motion(up, facing):
     turn = onto(up) * Rotation.from_euler("Y", facing, degrees=True)
     for motion in (in_world(sample("walk"), turn), moved(sample("walk"), turn)):
-        assert Body.of_motion(motion).found_up == up
-        assert Body(motion.rigid_skeleton, None, motion).found_up == up
-    assert Body.of_motion(moved(sample("walk"), turn)).found_up == up  # although the rest pose stands along Y
+        assert Body.of_motion(motion).up_in_motion == up
+        assert Body(motion.rigid_skeleton, None, motion).up_in_motion == up
+    assert Body.of_motion(moved(sample("walk"), turn)).up_in_motion == up  # although the rest pose stands along Y
     assert Body.of(in_world(sample("walk"), turn).skeleton).up_at_rest == up
 
 
@@ -230,15 +230,15 @@ def test_a_lying_person_without_a_rest_pose_has_up_along_the_body():
     body = rig("lafan1", "X")
     assert Body.of(body).up_at_rest is None
     motion = retarget(sample("walk"), body).motion
-    assert Body.of_motion(motion).found_up == "Y"
-    assert Body.of_motion(moved(motion, Rotation.from_euler("x", 90, degrees=True))).found_up == "Z"
+    assert Body.of_motion(motion).up_in_motion == "Y"
+    assert Body.of_motion(moved(motion, Rotation.from_euler("x", 90, degrees=True))).up_in_motion == "Z"
 
 
 def test_without_anatomy_or_motion_no_up_is_found():
     body = person()
     bare = body.with_offsets(np.where(np.arange(len(body))[:, None] > 6, 0.0, body.offsets))
-    assert Body(bare, None, posed(bare, {}, np.zeros((1, 3)))).found_up is None
-    assert Body.of(bare, posed(bare, {}, np.zeros((0, 3)))).found_up is None
+    assert Body(bare, None, posed(bare, {}, np.zeros((1, 3)))).up_in_motion is None
+    assert Body.of(bare, posed(bare, {}, np.zeros((0, 3)))).up_in_motion is None
     assert Body(body, None).up_at_rest is None
     assert Body(body, None).up == "Y"
 
@@ -250,14 +250,14 @@ def test_without_anatomy_or_motion_no_up_is_found():
 )
 def test_the_legs_of_real_clips_show_up(file, up):
     motion = read_bvh(CORPUS / file)
-    assert Body(motion.rigid_skeleton, None, motion).found_up == up
-    assert Body.of_motion(motion).found_up == up
+    assert Body(motion.rigid_skeleton, None, motion).up_in_motion == up
+    assert Body.of_motion(motion).up_in_motion == up
 
 
 def test_the_legs_of_a_body_of_any_proportion_show_up():
     for seed in range(10):
         body = symmetric(other_lengths(person(), seed))
-        assert Body(body, None, swaying(body, angle=0.2)).found_up == "Y"
+        assert Body(body, None, swaying(body, angle=0.2)).up_in_motion == "Y"
 
 
 @ups

@@ -368,7 +368,7 @@ def test_a_bone_that_moves_by_more_than_a_millionth_of_the_body_has_keys(tmp_pat
     for share, moves in ((3e-7, False), (3e-6, True)):
         translations = np.tile(skeleton.offsets, (2, 1, 1))
         translations[1, 5, 0] += share * size
-        motion = Motion.of_translations(skeleton, translations, np.tile(skeleton.unturned, (2, 1, 1)), "0.1")
+        motion = Motion.of_translations(skeleton, translations, np.tile(skeleton.rest_rotations, (2, 1, 1)), "0.1")
         assert (one.joint_nodes[5] in one.animation(motion, "x").translations) == moves
 
 

@@ -142,7 +142,7 @@ def test_a_rest_pose_is_given_once_and_kept_in_the_map(folder):
     """A rig that stands in no rest pose; with `rest.bvh` it moves as the same clip by joints that do."""
     walk = sample("walk")[:40]
     axes = along_bones(Body.of_motion(walk))
-    still = replace(walk[:1], rotations=np.tile(walk.skeleton.unturned, (1, 1, 1)))
+    still = replace(walk[:1], rotations=np.tile(walk.skeleton.rest_rotations, (1, 1, 1)))
     clip, rest = with_axes(walk, axes), with_axes(still, axes)
     unturned = replace(rest, rotations=still.rotations)
     for name, motion in {"clip": clip, "rest": rest, "plain": walk, "unturned": unturned, "none": rest[:0]}.items():

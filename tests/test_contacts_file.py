@@ -60,7 +60,7 @@ WRONG = [
     ({"between": ["left hand", "hips"], "gap": -1}, "contacts[0]: gap is -1.0; expected a number from 0 to 1e+09"),
     (
         {"between": ["left hand", "hips"], "gap": "source", "anchors": [[0.5, 0], [0.5, 0]]},
-        'contacts[0]: anchors are those of a gap; expected "gap" beside them, in centimetres',
+        'contacts[0]: anchors are the places of a gap; expected "gap" beside them, in centimetres',
     ),
     (
         {"between": ["left hand", "hips"], "gap": 0, "anchors": [[0.5, 0]]},
@@ -154,9 +154,9 @@ def test_two_entries_that_contradict_each_other_name_both():
         (Contact, {"between": ("hips", "hips")}, "between names 'hips' twice"),
         (Contact, {"between": ("hips", "head"), "gap": -1.0}, "gap is -1.0"),
         (Contact, {"between": ("hips", "head"), "keep": False, "gap": 1.0}, "keep false drops a contact"),
-        (Contact, {"between": ("hips", "head"), "firmness": 0.5}, "firmness is that of a gap"),
+        (Contact, {"between": ("hips", "head"), "firmness": 0.5}, "firmness is the weight of a gap"),
         (Plant, {"plant": "hips", "on": (0.0, 1.0)}, "on is"),
-        (Plant, {"plant": "hips", "on": "floor", "keep": False}, "keep false lets a part go"),
+        (Plant, {"plant": "hips", "on": "floor", "keep": False}, "keep false drops a support"),
         (Look, {"look": "head", "like": (0.0, 0.0, 0.0)}, "which is no direction"),
         (Look, {"look": "head", "frames": (9.0, 3.0)}, "frames go back from 9 to 3"),
         (Look, {"look": "head", "frames": (0.0, 3.0), "seconds": (0.0, 1.0)}, "both frames and seconds"),

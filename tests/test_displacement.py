@@ -7,7 +7,7 @@ from bodies import PERSON
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.build import average_for
+from distretarget.body.build import average_build_of
 from distretarget.objectives.body_skin import ELBOW, BodySkin
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules, gap_at, may_touch, write_axis
@@ -15,7 +15,7 @@ from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent
 
 BODY = Body.of(PERSON)
-SKIN = BodySkin.of(BODY, average_for(BODY).on(BODY))
+SKIN = BodySkin.of(BODY, average_build_of(BODY).on(BODY))
 HAND, BELLY = 0.03, 0.2  # radii
 
 

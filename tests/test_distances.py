@@ -7,7 +7,7 @@ from scipy.optimize import approx_fprime
 from scipy.spatial.transform import Rotation
 from table_one import table_one
 
-from distretarget.distances import LANES, distance_problem, filled, stress_and_gradient, target_distances
+from distretarget.distances import LANES, distance_problem, padded, stress_and_gradient, target_distances
 
 
 def problem_of(source, target):
@@ -123,9 +123,9 @@ def test_gradient_agrees_with_finite_differences(problem):
 
 def test_columns_that_fill_vectors_count_nothing(problem):
     x, delta, pi = problem
-    gradient, more = np.empty_like(x), np.zeros(filled(x).shape)
+    gradient, more = np.empty_like(x), np.zeros(padded(x).shape)
     sigma = stress_and_gradient(x, delta, pi, gradient)
-    assert stress_and_gradient(*map(filled, problem), more) == pytest.approx(sigma, rel=1e-12)
+    assert stress_and_gradient(*map(padded, problem), more) == pytest.approx(sigma, rel=1e-12)
     assert more.shape[1] % LANES == 0
     np.testing.assert_allclose(more[:, : x.shape[1]], gradient, rtol=1e-12, atol=1e-12)
     np.testing.assert_array_equal(more[:, x.shape[1] :], 0.0)

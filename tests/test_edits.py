@@ -144,7 +144,7 @@ def hopping(heights):
     """The body, whose root is at these heights."""
     body = person()
     places = body.rest_positions[0] + np.outer(heights, [0.0, 1.0, 0.0])
-    return Motion(body, places, np.tile(body.unturned, (len(heights), 1, 1)), "0.0333333")
+    return Motion(body, places, np.tile(body.rest_rotations, (len(heights), 1, 1)), "0.0333333")
 
 
 def test_what_is_a_loop_already_stays():

@@ -474,7 +474,7 @@ def test_feet_that_are_held_hardly_move_the_hips(body):
 def test_stance_turns_with_the_up_axis():
     source = read_bvh(SAMPLES / "walk.bvh")
     turn = Rotation.from_euler("x", 90, degrees=True)
-    turned = source.in_turned_world(turn)
+    turned = source.rotated_about_origin(turn)
     upright, lying = stance_of(source, source.skeleton), stance_of(turned, source.skeleton, up="Z")
     np.testing.assert_allclose(lying.weights, upright.weights, atol=1e-9)
     np.testing.assert_allclose(lying.places, np.einsum("ij,tfj->tfi", turn.as_matrix(), upright.places), atol=1e-8)

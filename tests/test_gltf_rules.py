@@ -195,7 +195,7 @@ def test_the_skin_is_where_the_file_shows_it(tmp_path, rig):
     shown = np.concatenate(gltf_player.skinned(document, buffer, gltf_player.worlds(document, buffer, None, [0.0])), 1)
     np.testing.assert_allclose(mesh.vertices + target.skeleton.offsets[0], shown[0], atol=1e-6)
     np.testing.assert_allclose(mesh.weights.sum(axis=1), 1.0)
-    still = Motion(target.skeleton, np.zeros((1, 3)), target.skeleton.unturned[None], "0.1")
+    still = Motion(target.skeleton, np.zeros((1, 3)), target.skeleton.rest_rotations[None], "0.1")
     np.testing.assert_allclose(mesh.posed(still)[0], mesh.vertices, atol=1e-9)
 
 

@@ -108,7 +108,7 @@ def test_legs_of_an_anatomy_are_left_before_right():
     left, right = by_anatomy(body)
     assert [body.names[joint] for joint in left.joints] == ["LeftHip", "LeftAnkle", "LeftToe"]
     assert [body.names[joint] for joint in right.joints] == ["RightHip", "RightAnkle", "RightToe"]
-    assert body.names[body.meet(leg.hip for leg in (left, right))] == "Hips"
+    assert body.names[body.common_ancestor(leg.hip for leg in (left, right))] == "Hips"
 
 
 def test_a_body_that_lacks_a_leg_has_no_legs():

@@ -452,5 +452,6 @@ def test_arms_that_are_not_recognised_are_told():
     offsets[arms] *= 0.05
     names = tuple(f"b{joint}" if joint in arms else name for joint, name in enumerate(PERSON.names))
     parts, others = told(PERSON, replace(PERSON, names=names, offsets=offsets))
-    assert parts[0] == "left arm and right arm of the target not recognised, so still: a map says which joints they are"
+    lost = "left arm and right arm of the target not recognised"
+    assert parts[0] == f"{lost}, so they do not move: name their joints in a map"
     assert others == ["8 other joints of the target follow their parents: 'b6', 'b7', 'b8' and 5 more"]

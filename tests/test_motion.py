@@ -105,7 +105,7 @@ def test_bones_that_move_in_other_frames_than_the_motion_has_are_refused():
 def test_all_joints_turn_with_the_world(angles):
     turn = Rotation.from_euler("x", angles, degrees=True)
     expected = np.stack([turn.apply(joint) for joint in MOTION.positions.swapaxes(0, 1)], axis=1)
-    np.testing.assert_allclose(MOTION.in_turned_world(turn).positions, expected, atol=1e-12)
+    np.testing.assert_allclose(MOTION.rotated_about_origin(turn).positions, expected, atol=1e-12)
 
 
 def pictures(page):

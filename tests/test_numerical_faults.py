@@ -97,7 +97,7 @@ def test_a_bone_of_length_0_on_one_side(bone, side, objective):
 @objectives
 def test_clips_that_do_not_move(objective):
     frozen = CLIP[np.zeros(6, int)]
-    unturned = np.tile(BODY.unturned, (6, 1, 1))
+    unturned = np.tile(BODY.rest_rotations, (6, 1, 1))
     t_pose = Motion(BODY, np.zeros((6, 3)), unturned, "0.01")
     stilted = lengthened(BODY, {"Knee": 1.2, "Ankle": 0.8, "Elbow": 1.4})
     for clip in (frozen, t_pose):

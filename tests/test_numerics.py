@@ -18,15 +18,15 @@ from distretarget.numerics.rotations import best_rotation, least, least_matrix
 from distretarget.numerics.time_series import (
     by_shot,
     find_shots,
-    lasting,
     median_of_three,
-    over_runs,
+    opening,
+    run_means,
     runs_of,
     smoothed,
-    steadied,
+    smoothed_steps,
     widened,
 )
-from distretarget.numerics.vectors import angles_between, cross, extent, lengths, level, normalised, spread_out
+from distretarget.numerics.vectors import angles_between, cross, extent, farthest_points, lengths, level, normalised
 from distretarget.objectives.clip import Clip
 
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
@@ -75,11 +75,11 @@ def test_a_vector_of_no_length_is_at_no_angle():
 
 def test_the_ends_of_a_line_come_first_then_its_middle():
     line = np.linspace(0, 1, 101)[:, None]
-    assert spread_out(line, 3).tolist() == [0, 100, 50]
+    assert farthest_points(line, 3).tolist() == [0, 100, 50]
 
 
 def test_few_points_are_all_kept():
-    assert sorted(spread_out(np.eye(3), 10).tolist()) == [0, 1, 2]
+    assert sorted(farthest_points(np.eye(3), 10).tolist()) == [0, 1, 2]
 
 
 def test_the_least_rotation_is_that_of_scipy():
@@ -212,8 +212,8 @@ def test_a_pulse_widens_by_twice_the_reach_to_both_sides(reach):
 def test_what_lasts_is_the_opening_of_morphology(frames):
     size = 2 * round(frames / 2) + 1
     opened = ndimage.grey_opening(NOISE, size=(size, 1), mode="nearest")
-    np.testing.assert_array_equal(lasting(NOISE, frames), opened)
-    np.testing.assert_array_equal(lasting(NOISE[::-1], frames), opened[::-1])
+    np.testing.assert_array_equal(opening(NOISE, frames), opened)
+    np.testing.assert_array_equal(opening(NOISE[::-1], frames), opened[::-1])
 
 
 @pytest.mark.parametrize("reach", [0, 1, 7])
@@ -262,11 +262,11 @@ def test_columns_do_not_mix():
 def test_runs_have_their_means_and_lines_between_them():
     values = np.array([9.0, 1.0, 3.0, 9.0, 9.0, 9.0, 8.0, 9.0])[:, None]
     weights = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0])
-    np.testing.assert_allclose(over_runs(values, weights)[:, 0], [2, 2, 2, 3.5, 5, 6.5, 8, 8])
+    np.testing.assert_allclose(run_means(values, weights)[:, 0], [2, 2, 2, 3.5, 5, 6.5, 8, 8])
 
 
 def test_without_a_run_there_is_the_mean_of_all_frames():
-    np.testing.assert_allclose(over_runs(np.array([[1.0], [3.0]]), np.zeros(2)), [[2.0], [2.0]])
+    np.testing.assert_allclose(run_means(np.array([[1.0], [3.0]]), np.zeros(2)), [[2.0], [2.0]])
 
 
 def test_a_smoothed_series_keeps_lines_and_bends_between_known_values():
@@ -292,13 +292,13 @@ def test_a_smoothed_series_has_the_least_sum_of_squares():
 def test_short_series_are_smoothed_and_steadied(frames):
     values = np.arange(2.0 * frames).reshape(frames, 2)
     assert np.all(np.isfinite(smoothed(values, np.ones(frames), 10.0)))
-    np.testing.assert_allclose(steadied(values, np.ones(frames), np.zeros(frames)), values)
+    np.testing.assert_allclose(smoothed_steps(values, np.ones(frames), np.zeros(frames)), values)
 
 
 def test_a_steadied_series_is_the_mean_where_it_is_stiff_and_free_where_it_is_not():
     values, stiffness = np.random.default_rng(0).normal(size=(60, 3)), np.full(60, 1e9)
     stiffness[39] = 0.0
-    steady = steadied(values, np.ones(60), stiffness)
+    steady = smoothed_steps(values, np.ones(60), stiffness)
     for part in (slice(40), slice(40, 60)):
         np.testing.assert_allclose(
             steady[part], np.broadcast_to(values[part].mean(axis=0), steady[part].shape), atol=1e-5

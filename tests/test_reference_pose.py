@@ -51,11 +51,11 @@ def assert_t_pose(body, world):
 @pytest.mark.parametrize("pose", "TA")
 def test_a_rest_pose_in_which_a_person_stands_is_its_own_reference(convention, pose):
     body = rig(convention, pose)
-    np.testing.assert_array_equal(Body.of(body).reference.rotations, body.unturned)
+    np.testing.assert_array_equal(Body.of(body).reference.rotations, body.rest_rotations)
 
 
 def test_a_body_that_is_no_person_keeps_its_rest_pose():
-    np.testing.assert_array_equal(Body(person(), None).reference.rotations, person().unturned)
+    np.testing.assert_array_equal(Body(person(), None).reference.rotations, person().rest_rotations)
 
 
 @pytest.mark.parametrize("along", [["X"], ["Y"], ["Y", "-Y"], ["Z", "-X"]])
@@ -169,7 +169,7 @@ def test_a_pose_in_which_the_body_stands_gives_the_known_alignment(build, target
         body = Body.of_motion(clip)
         axes = build(body)
         own = with_axes(clip, axes)
-        still = replace(clip[:1], rotations=np.tile(body.skeleton.unturned, (1, 1, 1)))
+        still = replace(clip[:1], rotations=np.tile(body.skeleton.rest_rotations, (1, 1, 1)))
         turned = moved(with_axes(still, axes), Rotation.from_euler("y", 30, degrees=True))
         matching = match(Body.of_motion(own).standing_as(turned), Body.of(rig(*target)))
         aligned = Rotation.from_quat(rest_alignment(matching)[:, 0])
@@ -182,7 +182,7 @@ def test_a_pose_in_which_the_body_stands_gives_the_known_alignment(build, target
 def test_a_pose_that_does_not_show_how_the_body_stands_is_refused():
     clip = sample("walk")[:3]
     own = with_axes(clip, along_bones(Body.of_motion(clip)))
-    still = replace(own[:1], rotations=np.tile(own.skeleton.unturned, (1, 1, 1)))
+    still = replace(own[:1], rotations=np.tile(own.skeleton.rest_rotations, (1, 1, 1)))
     other = retarget(clip, rig("mixamo", "T")).motion
     for rest, reason in ((own[:0], "no frames"), (still, "nobody can stand"), (other, "other joints")):
         with pytest.raises(MotionError, match=reason):

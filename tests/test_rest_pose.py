@@ -168,7 +168,7 @@ def there_and_back(clip, standing=False):
     """
     motion = read(clip)
     if standing:
-        still = np.tile(motion.skeleton.unturned, (5, 1, 1))
+        still = np.tile(motion.skeleton.rest_rotations, (5, 1, 1))
         path = np.concatenate([np.tile(motion.root_positions[0], (5, 1)), motion.root_positions])
         motion = replace(motion, root_positions=path, rotations=np.concatenate([still, motion.rotations]))
     return motion, retarget(retarget(motion, rig("lafan1", "X")).motion, motion.skeleton).motion

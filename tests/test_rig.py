@@ -13,7 +13,7 @@ from sample_rigs import rig
 from distretarget import Skeleton, load_target, retarget
 from distretarget.body.body import Body
 from distretarget.matching.matching import match
-from distretarget.rig import KEPT, found_once
+from distretarget.rig import CACHED_RIGS, rig_cached
 
 
 def again(skeleton: Skeleton) -> Skeleton:
@@ -104,20 +104,20 @@ def test_no_motion_is_kept(stands):
 
 def test_only_the_rigs_used_last_are_kept():
     target, rigs = rig("mixamo", "T"), []
-    for n in range(4 * KEPT):
+    for n in range(4 * CACHED_RIGS):
         result = retarget(swaying(longer(target, 1.0 + 0.01 * n), frames=2), target)
         assert result.metrics
         rigs += map(weakref.ref, (result.matching.source.rig, result.matching.rig))
     del result
     gc.collect()
-    assert sum(each() is not None for each in rigs) <= 2 * 2 * KEPT
+    assert sum(each() is not None for each in rigs) <= 2 * 2 * CACHED_RIGS
     assert rigs[-1]() is not None
 
 
 def test_a_function_is_called_again_for_what_has_no_rig():
     calls = []
 
-    @found_once
+    @rig_cached
     def name(body, end):
         calls.append(body)
         return f"{len(body.skeleton)}{end}"

@@ -97,8 +97,8 @@ def test_path_sizes_count_bones_by_their_lower_joint():
 
 def test_the_lines_of_several_joints_have_each_joint_once():
     skeleton = tree([-1, 0, 1, 1, 2, 0])
-    assert skeleton.lines([4, 3]) == {0, 1, 2, 3, 4}
-    assert skeleton.lines([]) == set()
+    assert skeleton.with_ancestors([4, 3]) == {0, 1, 2, 3, 4}
+    assert skeleton.with_ancestors([]) == set()
 
 
 def test_keys_name_parents_only_where_names_repeat():
@@ -229,7 +229,7 @@ def paths_by_search(skeleton, start):
 def test_paths_places_and_reaches_are_those_of_plain_searches(kind, count):
     skeleton = shaped(kind, count)
     some = np.random.default_rng(count).permutation(count)[: max(count // 2, 1)]
-    lines = [skeleton.line(joint) for joint in range(count)]
+    lines = [skeleton.to_root(joint) for joint in range(count)]
     for joint in range(count):
         paths, below = paths_by_search(skeleton, joint), skeleton.subtree(joint)
         np.testing.assert_array_equal(skeleton.paths_from(joint), paths)
@@ -238,8 +238,8 @@ def test_paths_places_and_reaches_are_those_of_plain_searches(kind, count):
         assert skeleton.depths[joint] == len(lines[joint]) - 1
         for other in range(count):
             common = max({*lines[joint]} & {*lines[other]})
-            assert skeleton.meet([joint, other]) == common
-            assert (skeleton.places[joint] == skeleton.places[other]) == (paths[other] == 0.0)
+            assert skeleton.common_ancestor([joint, other]) == common
+            assert (skeleton.coincident[joint] == skeleton.coincident[other]) == (paths[other] == 0.0)
     paths = skeleton.paths_among(some)
     np.testing.assert_array_equal(paths, [paths_by_search(skeleton, joint)[some] for joint in some])
     assert skeleton.longest_path_among(some) == pytest.approx(paths.max())
@@ -276,7 +276,7 @@ def test_what_is_known_of_a_body_takes_room_for_a_few_numbers_a_joint(kind):
 @pytest.mark.parametrize("kind", ["root with children", "chain with twigs"])
 def test_of_very_many_joints_distances_of_some_are_kept_and_measured(kind):
     body = shaped(kind, 3000)
-    motion = Motion(body, np.zeros((2, 3)), np.tile(body.unturned, (2, 1, 1)), "0.01")
+    motion = Motion(body, np.zeros((2, 3)), np.tile(body.rest_rotations, (2, 1, 1)), "0.01")
     result = retarget(motion, body.with_lengths(1.1 * body.lengths))
     assert len(result.baseline.distances) == MOST_POINTS
     assert result.metrics["result"]["stress"] == pytest.approx(0.0, abs=1e-12)

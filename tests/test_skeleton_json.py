@@ -16,7 +16,7 @@ from table_one import table_one
 from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
 from distretarget.io.skeleton_json import joints_meant, skeleton_to_json
 from distretarget.io.target_file import load_target, parse_full_target
-from distretarget.skeleton import ALL_CHANNELS, SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+from distretarget.skeleton import ALL_CHANNELS, DEFAULT_ROOT, DEFAULT_ROTATIONS, SMALLEST, Skeleton
 from distretarget.target import SkeletonEdit
 
 
@@ -36,7 +36,7 @@ def test_full_form(written):
     assert skeleton.names == ("Hips", "Spine", "Spine_End", "Leg")
     assert skeleton.parents.tolist() == [-1, 0, 1, 0]
     assert skeleton.offsets.tolist() == [[0, 96.4, 0], [0, 24, 0], [0, 18, 0], [0, 24, 0]]
-    assert skeleton.channels == (USUAL_ROOT, ("Yrotation",), (), USUAL_ROTATIONS)
+    assert skeleton.channels == (DEFAULT_ROOT, ("Yrotation",), (), DEFAULT_ROTATIONS)
     assert skeleton.end_sites.tolist() == [False, False, True, False]
     assert (skeleton.units, skeleton.up) == ("cm", "-Z")
     assert target.map == {"Spine": "Chest"}
@@ -55,7 +55,7 @@ GOOD = {
     "end without channels": full(HIPS, SPINE, HEAD_END | {"channels": []}),
     "no end": spine(end=False),
     "no channels": spine(channels=[]),
-    "six channels": spine(channels=list(USUAL_ROOT)),
+    "six channels": spine(channels=list(DEFAULT_ROOT)),
     "blank inside a name": spine(name="Upper Spine"),
     "zero bone": full(HIPS, SPINE, SPINE | {"name": "Neck", "offset": [0, 0, 0]}),
     "same name twice": full(HIPS, SPINE, SPINE | {"parent": "Spine"}),

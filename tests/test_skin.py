@@ -26,14 +26,14 @@ ROLES = BODY.anatomy.roles
 HANDS = [ROLES["leftHand"], ROLES["rightHand"]]
 BENDS = np.arange(0, 105, 5.0)  # of the elbow [degrees]
 UPRIGHT = Rotation.identity()
-REST = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], "0.0333333")
+REST = Motion(PERSON, PERSON.rest_positions[:1], PERSON.rest_rotations[None], "0.0333333")
 
 
 def bending(body=PERSON, world=UPRIGHT, forwards=0.0):
     """The left elbow bends until the hand is at the hips, or in them; `world` turns all, and an angle [degrees] the arm
     forwards, about the line from shoulder to hips.
     """
-    rotations = np.tile(body.unturned, (len(BENDS), 1, 1))
+    rotations = np.tile(body.rest_rotations, (len(BENDS), 1, 1))
     line = normalised(body.rest_positions[ROLES["leftUpperArm"]] - body.rest_positions[ROLES["hips"]])
     turn = Rotation.from_rotvec(np.radians(-forwards) * line)
     upper = turn * Rotation.from_euler("Z", -60, degrees=True)
@@ -176,7 +176,7 @@ def test_skin_that_two_joints_move_is_as_deep_as_its_posed_surface_says():
     share = np.clip((vertices[:, 1] - rest[low, 1]) / (rest[high, 1] - rest[low, 1]), 0.0, 1.0)
     joints = np.tile([low, high], (len(vertices), 1))
     mesh = SkinnedMesh(vertices, joints, np.column_stack([1.0 - share, share]), triangles)
-    rotations = PERSON.unturned[None].copy()
+    rotations = PERSON.rest_rotations[None].copy()
     rotations[0, high] = Rotation.from_euler("X", 40, degrees=True).as_quat()
     bent = Motion(PERSON, rest[:1], rotations, "0.0333333")
     posed = mesh.posed(bent)[0]
@@ -238,7 +238,7 @@ def test_a_hanging_arm_touches_nothing():
     _, capsules = round_body()
     wide = replace(capsules, radii=np.array([[0.25, 0.25], [HAND, HAND], [HAND, HAND]]))
     skin = find_skin(BODY, wide)
-    rotations = np.tile(PERSON.unturned, (1, 1, 1))
+    rotations = np.tile(PERSON.rest_rotations, (1, 1, 1))
     rotations[0, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -90, degrees=True).as_quat()
     hanging = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.0333333")
     assert measured(skin, hanging).deepest[0, 0] > 0
@@ -247,7 +247,7 @@ def test_a_hanging_arm_touches_nothing():
 
 def arms_in_front(*bends):
     """Both arms reach forwards, a frame for each angle off the T-pose [degrees]; at 110 the hands are in each other."""
-    rotations = np.tile(PERSON.unturned, (len(bends), 1, 1))
+    rotations = np.tile(PERSON.rest_rotations, (len(bends), 1, 1))
     for side, sign in (("left", 1.0), ("right", -1.0)):
         turns = Rotation.from_euler("Y", -sign * np.array(bends)[:, None], degrees=True)
         rotations[:, ROLES[f"{side}UpperArm"]] = turns.as_quat()
@@ -392,7 +392,7 @@ def test_an_upper_arm_in_the_trunk_is_as_deep_as_known_and_its_top_does_not_coun
         np.array([[radius] * 2, [0.05] * 2, [0.01] * 2]),
         np.array([SEGMENTS.index(name) for name in ("chest", "left upper arm", "left upper arm")]),
     )
-    rotations = np.tile(PERSON.unturned, (20, 1, 1))
+    rotations = np.tile(PERSON.rest_rotations, (20, 1, 1))
     rotations[:, arm] = Rotation.from_euler("Z", -np.linspace(0, 120, 20)[:, None], degrees=True).as_quat()
     motion = Motion(PERSON, np.tile(rest[0], (20, 1)), rotations, "0.0333333")
     places = rest[arm] + Rotation.from_quat(rotations[:, arm]).apply(0.9 * elbow)
@@ -461,7 +461,7 @@ def test_a_point_inside_is_as_deep_as_the_nearest_skin_whichever_joint_moves_tha
     """The ball of a thigh swings into that of the hips: points in it are as deep as the skin of either is near."""
     mesh, _ = two_balls("leftUpperLeg", np.array([0.0, -0.3, 0.0]), 0.1)
     hips, thigh, turn = ROLES["hips"], ROLES["leftUpperLeg"], Rotation.from_euler("Z", -30, degrees=True)
-    rotations = PERSON.unturned[None].copy()
+    rotations = PERSON.rest_rotations[None].copy()
     rotations[0, thigh] = turn.as_quat()
     swung = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.0333333")
     centre, ball = PERSON.rest_positions[hips], PERSON.rest_positions[thigh] + turn.apply([0.0, -0.3, 0.0])

@@ -210,7 +210,7 @@ def test_the_lowest_vertex_of_a_foot_is_the_lowest_of_all_however_foot_and_toes_
 
 def test_a_joint_without_skin_has_none_below():
     elbow = np.array([BODY.anatomy.roles["leftLowerArm"]])
-    motion = Motion(PERSON, np.zeros((1, 3)), PERSON.unturned[None], "0.02")
+    motion = Motion(PERSON, np.zeros((1, 3)), PERSON.rest_rotations[None], "0.02")
     assert Underside(BODY, *knees()[::-1]).below(motion, elbow, UP) == 0.0
 
 

@@ -64,7 +64,7 @@ FRAMES = 60
 
 def spinning(angles):
     """The rest pose, turned about the vertical by angles, (frames,) [rad]."""
-    rotations = np.tile(PERSON.unturned, (len(angles), 1, 1))
+    rotations = np.tile(PERSON.rest_rotations, (len(angles), 1, 1))
     rotations[:, 0] = Rotation.from_euler("Y", np.asarray(angles)[:, None]).as_quat()
     return Motion(PERSON, np.tile(PERSON.rest_positions[0], (len(angles), 1)), rotations, f"{FRAME_TIME:.9f}")
 
@@ -113,7 +113,7 @@ def test_a_clip_of_one_frame_has_no_speed():
 
 @pytest.fixture(scope="module")
 def skin():
-    still = Motion(PERSON, PERSON.rest_positions[:1], PERSON.unturned[None], f"{FRAME_TIME:.9f}")
+    still = Motion(PERSON, PERSON.rest_positions[:1], PERSON.rest_rotations[None], f"{FRAME_TIME:.9f}")
     return match_performer(Transfer(still, sample_target("hero"))).skins.source
 
 
@@ -160,7 +160,7 @@ def test_a_forearm_beside_the_trunk_is_there_anyway_and_one_before_it_on_purpose
     rest = STANDING.skeleton.rest_positions
     line = normalised(rest[ROLES["leftUpperArm"]] - rest[ROLES["hips"]])
     turn = Rotation.from_rotvec(np.radians(-forwards) * line)
-    rotations = STANDING.skeleton.unturned[None].copy()
+    rotations = STANDING.skeleton.rest_rotations[None].copy()
     rotations[0, ROLES["leftUpperArm"]] = (turn * Rotation.from_euler("Z", -60, degrees=True)).as_quat()
     rotations[0, ROLES["leftLowerArm"]] = Rotation.from_euler("Z", -100, degrees=True).as_quat()
     motion = Motion(STANDING.skeleton, rest[:1], rotations, "0.0333333")
@@ -176,7 +176,7 @@ def test_hanging_hands_are_in_front_on_purpose_for_longer_than_they_swing(second
     front[20 : 20 + round(seconds / frame_time)] = True
     hangs = Rotation.from_euler("Z", -90, degrees=True)
     before = Rotation.from_euler("YX", [-20, -35], degrees=True) * hangs
-    rotations = np.tile(STANDING.skeleton.unturned, (90, 1, 1))
+    rotations = np.tile(STANDING.skeleton.rest_rotations, (90, 1, 1))
     rotations[:, ROLES["leftUpperArm"]] = np.where(front[:, None], before.as_quat(), hangs.as_quat())
     motion = Motion(
         STANDING.skeleton,

@@ -106,7 +106,7 @@ def test_one_frame_is_enough():
     motion = short_walk()
     for up in AXES:
         frame = in_world(motion[:1], onto(up))
-        assert Body.of_motion(frame).found_up == up
+        assert Body.of_motion(frame).up_in_motion == up
         near(retarget(frame, replace(motion.skeleton, up="Y")).motion.positions, motion.positions[:1])
 
 
@@ -128,7 +128,7 @@ def lying(axis, **bends):
 def test_a_lying_person_has_the_up_of_the_rest_pose(up, axis, bends):
     motion = lying(axis, **bends)
     source = in_world(motion, onto(up))
-    assert Body.of_motion(source).found_up == up
+    assert Body.of_motion(source).up_in_motion == up
     near(retarget(source, replace(person(), up="Y")).motion.positions, motion.positions)
 
 

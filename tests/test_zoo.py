@@ -156,7 +156,7 @@ def test_a_motion_of_a_member_moves_as_the_clip_does(name: str) -> None:
     assert motion.skeleton.keys == member(name).keys
     assert [body.up for body in bodies] == [MEMBERS[name].up, "Y"]
     for side, (upper, lower) in product(SIDES, (("UpperArm", "LowerArm"), ("UpperLeg", "LowerLeg"))):
-        bones = [body.moving.bone(side + upper, side + lower) for body in bodies if body.moving]
+        bones = [body.in_motion.bone(side + upper, side + lower) for body in bodies if body.in_motion]
         heights = [bone @ axis_vector(body.up) for body, bone in zip(bodies, bones, strict=True) if bone is not None]
         np.testing.assert_allclose(*heights, atol=1e-3)
 

@@ -23,9 +23,9 @@ from anny_characters import Rig, base_mesh, in_t_pose, mesh_of, moved, rig_of
 from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, capsules_of
-from distretarget.body.segments import HEAD, frames
+from distretarget.body.segments import HEAD, part_frames
 from distretarget.io.json_node import on_lines
-from distretarget.skeleton import POSITION_CHANNELS, USUAL_ROTATIONS
+from distretarget.skeleton import DEFAULT_ROTATIONS, POSITION_CHANNELS
 from distretarget.skin.mesh import SkinnedMesh
 
 TABLE = Path(__file__).resolve().parents[1] / "distretarget" / "body" / "average_builds.json"
@@ -62,7 +62,7 @@ def skeleton_of(rig: Rig, ends: Mapping[int, np.ndarray] | None = None) -> Skele
         names=(*rig.bones.names, *("End Site" for _ in more)),
         parents=np.array([*parents, *more]),
         offsets=np.array([*(x - np.where(parents[:, None] >= 0, x[parents], 0.0)), *more.values()]),
-        channels=tuple((POSITION_CHANNELS if parent < 0 else ()) + USUAL_ROTATIONS for parent in parents)
+        channels=tuple((POSITION_CHANNELS if parent < 0 else ()) + DEFAULT_ROTATIONS for parent in parents)
         + ((),) * len(more),
         end_sites=np.arange(count) >= len(x),
         up="Y",
@@ -91,7 +91,7 @@ def entry(data: Path, name: str) -> dict[str, object]:
     """The entry of a build: its capsules, and what bones show of it."""
     rig, mesh = mean_of(data, PEOPLE, name, "mixamo")
     body = Body.of(skeleton_of(rig))
-    parts, by_part = average_parts(body, mesh), dict(frames(body))
+    parts, by_part = average_parts(body, mesh), dict(part_frames(body))
     size, head = by_part["trunk"].breadth, by_part["head"].origin
     leg, top = body.leg_length / size, (mesh.vertices[:, 1].max() - head[1]) / size
     crown = top + (head[1] - body.skeleton.rest_positions[[*map(body.anatomy.roles.get, SHOULDERS)], 1].mean()) / size

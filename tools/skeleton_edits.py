@@ -70,7 +70,7 @@ def only(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
     return replace(
         skeleton,
         names=tuple(skeleton.names[joint] for joint in kept),
-        parents=np.array([next((number[a] for a in skeleton.line(j)[1:] if a in number), -1) for j in kept]),
+        parents=np.array([next((number[a] for a in skeleton.to_root(j)[1:] if a in number), -1) for j in kept]),
         offsets=skeleton.offsets[kept],
         channels=tuple(skeleton.channels[joint] for joint in kept),
         end_sites=skeleton.end_sites[kept],

@@ -373,7 +373,7 @@ def on_member(name: str, motion: Motion) -> Motion:
     skeleton, copy = _standing(MEMBERS[name]), on_twin(name, motion)
     plain, shared = copy.skeleton, [key for key in copy.skeleton.keys if key in skeleton.keys]
     joints, of_copy = ([body.index(key) for key in shared] for body in (skeleton, plain))
-    rotations, translations = (np.tile(each, (len(copy), 1, 1)) for each in (skeleton.unturned, skeleton.offsets))
+    rotations, translations = (np.tile(each, (len(copy), 1, 1)) for each in (skeleton.rest_rotations, skeleton.offsets))
     rotations[:, joints], translations[:, joints] = copy.rotations[:, of_copy], copy.translations[:, of_copy]
     whole = Motion.of_translations(skeleton, translations, rotations, copy.frame_time_text)
     return in_axes(whole, axes) if (axes := _lying_axes(name)) else whole

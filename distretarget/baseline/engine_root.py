@@ -1,5 +1,5 @@
-"""Placed after solving: the root on the floor and IK handles of game engines, and the path of a root without position
-channels, which goes to the joints below it, or is left out.
+"""Placements after solving: the root on the floor and the IK handles of rigs for game engines, and the path of a root
+without position channels, which joints below it take if they can.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ RootFollows = Literal["pelvis", "source", "nothing"]
 BELOW_HIPS = 0.25  # a root at least this far below the hips in the rest pose is on the floor [leg lengths]
 IS_LEVEL = 0.02  # a source's root stays on the floor if its height changes by less [leg lengths]
 MOVES = 0.01  # a source's root moves if it travels farther [leg lengths] or turns more [rad] than this
-UPSIDE_DOWN = -0.5  # a body has no heading while the cosine between its up axis and the world's is smaller
+UPSIDE_DOWN = -0.5  # a body with a smaller cosine between its up axis and the world's has no heading
 
 
 def path_carriers(skeleton: Skeleton, body: Numbers) -> list[int] | None:
-    """Return the joints whose position channels hold the root's path where its own do not, the topmost of each branch;
-    none if its own do; None if some of the joints of the `body` have no such joint above them.
+    """Return the joints that carry the path of a root without position channels: of each branch the topmost joint that
+    has them. Empty if the root has them; None if a joint of the `body` has no such joint above it.
     """
     if set(POSITION_CHANNELS) <= set(skeleton.channels[0]):
         return []
     moving = [set(POSITION_CHANNELS) <= set(channels) for channels in skeleton.channels]
     found = set()
     for joint in body.tolist():
-        line = [each for each in skeleton.line(joint) if each and moving[each]]
+        line = [each for each in skeleton.to_root(joint) if each and moving[each]]
         if not line:
             return None
         found.add(line[-1])
@@ -45,14 +45,14 @@ def path_carriers(skeleton: Skeleton, body: Numbers) -> list[int] | None:
 
 
 def along_channels(motion: Motion, body: Numbers) -> Motion:
-    """Return a motion whose root moves only along its position channels. Joints below it that can move keep their
-    places, if they carry the whole `body`, (joints,); else the body stays where the root is.
+    """Return a motion whose root moves only along its position channels. Its `path_carriers` keep their positions; if
+    there are none for the whole `body`, (joints,), the body stays where the root is.
     """
     skeleton, carriers = motion.skeleton, path_carriers(motion.skeleton, body)
     if carriers == []:
         return motion
-    held_axes = [channel in skeleton.channels[0] for channel in POSITION_CHANNELS]
-    path = np.where(held_axes, motion.root_positions, skeleton.offsets[0])
+    is_free = [channel in skeleton.channels[0] for channel in POSITION_CHANNELS]
+    path = np.where(is_free, motion.root_positions, skeleton.offsets[0])
     if carriers is None:
         return replace(motion, root_positions=path)
     translations = motion.translations
@@ -68,13 +68,13 @@ def along_channels(motion: Motion, body: Numbers) -> Motion:
 
 @dataclass(frozen=True, eq=False)
 class EngineRoot:
-    """Which joints of the target are placed last, and how."""
+    """The joints of the target that are placed after solving, and how."""
 
     matching: Matching
     scale: RootScale  # scale of the root's path
     follows: RootFollows  # whether the root follows the target's pelvis, the source's root or nothing
     handles: Mapping[int, int]  # the joint that each IK handle copies, by handle; without handles that a map drives
-    moving: tuple[int, ...]  # the joints to place, see `_moving`
+    moving: tuple[int, ...]  # the joints to place (`_moving`)
 
     def placed(self, motion: Motion) -> Motion:
         """Return a motion of the target with root and handles placed; the body keeps its pose in the world."""
@@ -111,7 +111,7 @@ class EngineRoot:
             pelvis = body.pelvis_joint or 0
             path, axes = level(motion.positions[:, pelvis], up), _carried_axes(body, motion, pelvis)
         elif self.follows == "source":
-            leader, joint = self.matching.source_motion, _leader(self.matching)
+            leader, joint = self.matching.source_motion, _leading_root(self.matching)
             path = self.scale.places(leader.positions[:, joint], source.up_vector)
             axes = _carried_axes(source, leader, joint)
         if self.follows != "nothing":
@@ -121,9 +121,9 @@ class EngineRoot:
 
 
 def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows | None = None) -> EngineRoot:
-    """Return which joints of the target are placed last, and how. By default the root follows the source's root if that
-    stays on the floor and moves or drives the target's root, and else the target's pelvis. A MotionError if it
-    `follows` the "source", which has no root on the floor.
+    """Return which joints of the target are placed after solving, and how. By default the root follows the source's
+    root if that stays on the floor and moves or drives the target's root, and else the target's pelvis. A MotionError
+    if it `follows` the "source", and that has no root on the floor.
     """
     body = matching.target
     handles = {handle: joint for handle, joint in body.handles.items() if matching.drivers[handle] < 0}
@@ -135,8 +135,8 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without the body: handles, the root if on the floor, and their descendants outside the body;
-    no root unless each part of the body below it has all six channels, with which it can stay in place.
+    """The joints that move without moving the body: handles, the root if on the floor, and their descendants outside
+    the body. The root is excluded unless each part of the body below it has all six channels and so can stay in place.
     """
     skeleton, regions = body.skeleton, body.regions.of_joint
     moving = {0} if 0 in roots and skeleton.moves_freely(0) else set()
@@ -162,7 +162,7 @@ def _roots_on_floor(body: Body) -> list[int]:
     return [joint for joint in reversed(body.above_hips) if heights[joint] < limit]
 
 
-def _leader(matching: Matching) -> int:
+def _leading_root(matching: Matching) -> int:
     """The source's root on the floor: the one that drives the target's root, else the lowest in its tree."""
     roots, driver = _roots_on_floor(matching.source), matching.drivers.item(0)
     return driver if driver in roots else roots[-1]
@@ -173,7 +173,7 @@ def _source_root_leads(matching: Matching) -> bool:
     source, roots = matching.source, _roots_on_floor(matching.source)
     if not roots:
         return False
-    motion, root = matching.source_motion, _leader(matching)
+    motion, root = matching.source_motion, _leading_root(matching)
     path = motion.positions[:, root] / source.leg_length
     turns = Rotation.from_quat(motion.world_rotations_of(root))
     moves = max(np.ptp(path, axis=0).max(), (turns[0].inv() * turns).magnitude().max()) > MOVES

@@ -14,28 +14,28 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import FINGERS
 from distretarget.body.body import Body
 from distretarget.body.resting import feet_at_rest
-from distretarget.matching.matching import BUILD_ANGLE, Matching, by_soles
+from distretarget.matching.matching import BUILD_ANGLE, Matching, cached_by_soles
 from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.quaternions import rotation_products
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, read_only
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 
 FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))
 BY_BONE = (*FIRST_BONES, "LowerArm", "LowerLeg", *FINGER_BONES)  # roles that are always aligned bone by bone
-SINK = 0.1  # how much lower than in the source hips may be in a stride [leg lengths]
-MOST_FRAMES = 95.0  # share of the frames of resting feet in which strides must be within reach [%]
+SINK = 0.1  # hips may be this much lower in a stride than in the source [leg lengths]
+MOST_FRAMES = 95.0  # share of the frames with resting feet in which strides must be within reach [%]
 
 
-@by_soles
+@cached_by_soles
 def rest_alignment(matching: Matching) -> Array:
     """Return A: (target joints, 2, 4), the rotation of each target joint relative to its two rotation sources: where a
     source joint has the world rotation R, the target joint gets R A. It is read-only.
 
     Arms, legs and fingers are aligned bone by bone, by the least rotation relative to the parent bone, which also gives
-    the roll. Bones of trunk, palms and feet point differently in every build; these parts keep the alignment of the
-    part above, starting with that of the whole body, axis by axis. Soles are aligned with soles.
+    the roll. Bones of trunk, palms and feet differ in direction from build to build, so these parts keep the alignment
+    of the part above, and the root that of the whole body's axes. Soles are aligned with soles.
     """
     source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
     back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
@@ -63,22 +63,22 @@ def _sole_normals(matching: Matching, source_pose: Array, target_pose: Array) ->
 
 
 def _trunk(body: Body, roles: Mapping[int, str]) -> set[int]:
-    """The joints of trunk, shoulders, neck and head: all from which upper arms and thighs hang."""
+    """The joints of trunk, shoulders, neck and head, and all others from which upper arms and thighs hang."""
     if not roles or body.anatomy is None:
         return set()
     limbs = [joint for joint, role in roles.items() if role.endswith(FIRST_BONES)]
     tops = [*body.anatomy.spine, *body.anatomy.neck, *body.anatomy.joints("hips", "head")]
-    return body.skeleton.lines([*body.skeleton.parents[limbs], *tops])
+    return body.skeleton.with_ancestors([*body.skeleton.parents[limbs], *tops])
 
 
-@found_once
+@rig_cached
 def _shared_alignments(matching: Matching) -> Array:
     """(target joints, 3, 3), `_joint_alignments` with the soles that rest poses show."""
     source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
     return _joint_alignments(matching, _sole_normals(matching, source, target))
 
 
-@found_once
+@rig_cached
 def _shared_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
     """`Matching.shared_bones` in the poses in which the bodies are aligned."""
     source, target = matching.poses
@@ -88,16 +88,16 @@ def _shared_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
 def _joint_alignments(
     matching: Matching, normals: Mapping[int, tuple[Array, Array]], known: Array | None = None
 ) -> Array:
-    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses;
-    those that are `known` already with other soles change in the feet alone.
+    """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses.
+    `known` alignments, made with other soles, are reused except in the feet.
 
-    Upper arms turn by way of the direction straight out to the source's side, so that a target in A-pose is aligned
-    like the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
+    Upper arms turn first to the source's sideways axis and then to its arm, so that a target in A-pose is aligned like
+    the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
     """
     roles, (source_pose, target_pose) = _roles(matching), matching.poses
     whole = source_pose.axes @ target_pose.axes.T if matching.in_reference else np.eye(3)
     in_t_pose = matching.in_reference and not (matching.source.stands and matching.target.stands)
-    foot = slice(1 if in_t_pose else 0)  # of the bones of an ankle
+    foot = slice(1 if in_t_pose else 0)  # the bones of an ankle that are aligned
     left, trunk = source_pose.axes[:, 0], _trunk(matching.target, roles)
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
     upper, *directions = _shared_bones(matching)
@@ -128,7 +128,7 @@ def _joint_alignments(
 
 def _sole_onto_sole(normal: Array, target_normal: Array, feet: Array, target_feet: Array, turn: Array) -> Array:
     """(3, 3), the alignment `turn` of an ankle, followed by the least rotation of the target's sole onto the source's,
-    and by one that makes `target_feet` point as `feet`, directions (1, 3), or (0, 3) if a T-pose replaces no rest pose.
+    and by one about its normal that aligns `target_feet` with `feet`, directions (1, 3), or (0, 3) for none.
     """
     turn = least_matrix((turn @ target_normal)[None], normal[None]) @ turn
     if not len(feet):
@@ -138,26 +138,26 @@ def _sole_onto_sole(normal: Array, target_normal: Array, feet: Array, target_fee
 
 @dataclass(frozen=True)
 class RootScale:
-    """The scale from positions in the source's world to positions in the target's. Performers who share a world share
-    the scale along the floor, so that they meet, but not the scale upwards, so that each stands on the floor.
+    """The scale from positions in the source's world to positions in the target's. Performers in one world share the
+    scale along the floor, so that they meet, but not the scale of heights, so that each stands on the floor.
     """
 
     level: float  # along the floor [target units per source unit]
     height: float  # upwards [target units per source unit]
-    rise: float = 0.0  # how much higher places are than scaled, so that soles are on the floor [target units]
+    rise: float = 0.0  # added to scaled heights, so that soles are on the floor [target units]
 
     @classmethod
     def even(cls, scale: float) -> RootScale:
-        """Return the same scale in all directions."""
+        """Return a scale that is the same in all directions."""
         return cls(scale, scale)
 
     def places(self, places: Array, up: Array) -> Array:
-        """Return where positions in the source's world, (..., 3), are in the target's; `up` is the unit vector up."""
+        """Return positions in the target's world for those in the source's, (..., 3); `up` is the unit vector up."""
         heights = places @ up
         return np.asarray(self.level * places + (self.heights(heights) - self.level * heights)[..., None] * up)
 
     def heights(self, heights: Array) -> Array:
-        """Return how high in the target's world what has these heights in the source's is."""
+        """Return heights in the target's world for heights in the source's."""
         return self.height * heights + self.rise
 
 
@@ -189,9 +189,8 @@ def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
 
 def longest_strides(matching: Matching) -> float:
     """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs,
-    and where feet that rest are farther below their hip joints than legs are long, which shows no strides.
-    A foot that rests at the distance d along the floor from its hip joint, at the height h below it, reaches s d with
-    (s d)^2 + (h - sink)^2 = (leg length)^2.
+    and if resting feet are farther below their hip joints than legs are long. A foot that rests at a distance d along
+    the floor from its hip joint and h below it can reach s d with (s d)^2 + (h - sink)^2 = (leg length)^2.
     """
     if matching.legs is None:
         return float("inf")
@@ -202,13 +201,13 @@ def longest_strides(matching: Matching) -> float:
         to_hip = motion.positions[rests, leg.hip] - motion.positions[rests, leg.ankle]
         reach = np.sqrt(np.maximum(leg_length**2 - (to_hip @ up - SINK * leg_length) ** 2, 0.0))
         factors.append(reach / np.maximum(lengths(level(to_hip, up)), 1e-9 * leg_length))
-    known = np.concatenate(factors)
-    return float(np.percentile(known, 100.0 - MOST_FRAMES) if known.any() else 0.0) or float("inf")
+    reachable = np.concatenate(factors)
+    return float(np.percentile(reachable, 100.0 - MOST_FRAMES) if reachable.any() else 0.0) or float("inf")
 
 
-def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
-    """Return the scale along the floor for all performers of a world: the mean of their scales upwards, `heights`, or
-    less if the legs of one cannot reach that; `longest` has the `longest_strides` of each.
+def common_level_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
+    """Return the scale along the floor for all performers of a world: the mean of their `RootScale.height`, in
+    `heights`, or less if somebody's legs cannot reach so far, by the `longest_strides` of each, in `longest`.
     """
     if len(heights) == 1:
         return heights[0]
@@ -217,7 +216,7 @@ def followed_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
 
 def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
     """Return the motion with the world rotations R_src(t) A, where A is the alignment of the rest poses. Joints without
-    rotation sources follow their parents as in the reference pose; the `pelvis` takes its driver's scaled path.
+    rotation sources follow their parents as in the reference pose; the pelvis takes its driver's scaled path.
     """
     source, skeleton, up = matching.source_motion, matching.target.skeleton, matching.source.up_vector
     alignment = rest_alignment(matching).copy()
@@ -243,7 +242,7 @@ def rotation_copy(matching: Matching, scale: RootScale) -> Motion:
             steps = (first.inv() * second).as_rotvec() * blend[between, None]
             world[:, between] = (first * Rotation.from_rotvec(steps)).as_quat()
         path = scale.places(source.positions[block, matching.drivers[matching.pelvis]], up)
-        for joint in skeleton.line(matching.pelvis)[:-1]:
+        for joint in skeleton.to_root(matching.pelvis)[:-1]:
             parent = Rotation.from_quat(world[:, skeleton.parents[joint]])
             path = path - parent.apply(np.array(skeleton.offsets[joint]))
         return path

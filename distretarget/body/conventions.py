@@ -1,8 +1,8 @@
-"""What the names of joints mean: their words and sides, and the naming convention that they follow.
+"""Meanings of joint names: their words and sides, and the naming convention that they follow.
 
 `conventions.json` lists the words of many naming conventions. An entry has a readable title; the names of the hips, of
 spine and neck from below, and of the head; those of the four parts of arm and leg (`ARM`, `LEG`) without side; and, if
-the convention has them, the prefix of all names, other names that may occur, and the `leans` of its rigs.
+the convention has them, the prefix of all names, other names that may occur, and the `leans` (see `Convention`).
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ SIDE_MARKERS |= dict.fromkeys(("c", "m", "x"))
 ATTACHED_MARKERS: tuple[tuple[str, str, Side], ...] = (("left", "right", "left"), ("right", "left", "right"))
 ATTACHED_MARKERS += (("l", "r", "left"), ("r", "l", "right"), ("左", "右", "left"), ("右", "左", "right"))
 
-# Words in the names of helper joints, which are not part of the body, and MakeHuman's prefix of its helper joints.
+# Words in the names of helper joints, which are not part of the body, and MakeHuman's prefix of such joints.
 HELPER_WORDS = {"twist", "roll", "ik", "pole", "target", "effector", "share", "helper", "dummy", "tip", "end", "nub"}
 HELPER_PREFIX = "__"
 
-NEW_BONE = ("bone",)  # as Blender calls one; renamed by hand, some bones keep it before their name
+NEW_BONE = ("bone",)  # Blender's name of a new bone, which some bones keep as a prefix when renamed by hand
 
-COMMON_SHARE = 0.75  # a first or last word or a final number that this share of the names has means nothing [0 to 1]
+COMMON_SHARE = 0.75  # first or last words or final numbers of this share of the names are ignored [0 to 1]
 RECOGNISED = 0.75  # least fit of a convention that is recognised [0 to 1]
-PREFIX_FIT = 1.0  # what its prefix adds to the fit of a convention
+PREFIX_FIT = 1.0  # bonus for the prefix of a convention
 
 
 class NamedTree(NamedTuple):
@@ -126,7 +126,7 @@ def _prefix(parts: NameWords, prefixes: Iterable[NameWords]) -> NameWords:
 
 
 def _without_prefix(parts: Sequence[NameWords], prefixes: Iterable[NameWords]) -> Sequence[NameWords]:
-    """The names without those of the prefixes that they begin with; each keeps one word."""
+    """The names without the prefix that they begin with, if any; each keeps one word."""
     return [part[len(_prefix(part, prefixes)) :] or part for part in parts]
 
 
@@ -213,8 +213,7 @@ class NameMeanings:
     """What the names of a skeleton's joints mean."""
 
     names: tuple[JointName, ...]  # the name of each joint, taken apart
-    # per term of the names, the parts that it may mean, each with the fit of the convention that fits best among those
-    # in which it does, 0 to 1
+    # the parts that each term may mean, each with the best fit, 0 to 1, of the conventions in which it does
     readings: Mapping[Term, Mapping[str, float]]
     convention: str  # the title of the recognised convention; empty where none is
 
@@ -232,7 +231,7 @@ class NameMeanings:
         return name.side is None and without_digits(name.stem) in vocabulary().necks and not self.is_helper(joint)
 
     def is_helper(self, joint: int) -> bool:
-        """Whether the joint is not part of the body. Names with a helper's word may be, such as "NeckTwist01"."""
+        """Whether the joint is not part of the body. A known name with a helper word ("NeckTwist01") is part of it."""
         return self.names[joint].helper and not self.parts(joint)
 
 
@@ -269,8 +268,8 @@ def name_meanings(tree: NamedTree) -> NameMeanings:
 
 
 def _numbered(terms: Collection[Term]) -> dict[Term, Term]:
-    """The terms of limbs with a number that no convention knows, such as that of "arm00", with the term without it; of
-    several the first one, and none where a convention knows that term or another number.
+    """The terms of limbs whose number no convention knows, such as "arm00", each with the known term without it. Of
+    several numbers of a term the first one counts, or none if a convention knows one of these.
     """
     known = vocabulary().terms
     groups: dict[Term, list[Term]] = defaultdict(list)

@@ -1,4 +1,4 @@
-"""The arms and legs of a body: which they are, and in which frames arms are raised or hands put before the body."""
+"""The arms and legs of a body, and how far arms are raised, or hands in front of the body, in each frame."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of li
 MOST_LIMBS = 32  # of all limbs below a joint, only so many, the longest, may be arms and legs
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [distance from the ankle to the end of the toes]
-LOWEST_HIP = 0.3  # the hip joint is above this place [length of the leg's chain, from its top]
-HIGHEST_ANKLE = 0.6  # the ankle is below this place [length of the leg's chain, from its top]
+LOWEST_HIP = 0.3  # the hip joint is above this height [length of the leg's chain, from its top]
+HIGHEST_ANKLE = 0.6  # the ankle is below this height [length of the leg's chain, from its top]
 LOW_ANKLE = 0.2  # an ankle that bends is no higher than this over the leg's end [height of the hip over it]
 # An arm hangs while the angles of shoulder and elbow add up to less than the first angle; it is raised or bent from
 # the second one on [rad].
 RELAXED, RAISED = np.radians(60), np.radians(100)
-# A hand is beside the trunk up to the first angle from the line of the shoulders; it is put in front of the trunk, or
-# behind it, from the second one on. Hands of people who walk come near their bodies at angles up to 35 degrees [rad].
+# A hand is beside the trunk up to the first angle from the shoulder line, and in front of or behind the trunk from
+# the second one on. Hands of people who walk come near their bodies at angles up to 35 degrees [rad].
 BESIDE, BEFORE = np.radians(35), np.radians(55)
 
 
@@ -63,8 +63,8 @@ def find_legs(skeleton: Skeleton, anatomy: Anatomy | None) -> Legs | None:
 
 
 def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int] | None:
-    """Return the ankle, and the joint to which the foot points from there: the toes, else the joint farthest from it;
-    toes right below the ankle are passed over. None where there is no foot.
+    """Return the ankle and the joint to which the foot points from there: the toes, else the joint farthest from it;
+    joints too near to the ankle are skipped. None where there is no foot.
     """
     foot = anatomy.roles.get(f"{side}Foot")
     if foot is None:
@@ -74,14 +74,14 @@ def foot_bone(skeleton: Skeleton, anatomy: Anatomy, side: str) -> tuple[int, int
     chains = [_longest_chain(skeleton, end) for end in (skeleton.children[foot] if toes is None else [toes])]
     chain = max(chains, key=lambda joints: from_foot[joints[-1]], default=[])
     places = skeleton.rest_positions
-    reach = lengths(places[chain] - places[foot])  # not along the bones: some End Sites lead back
+    reach = lengths(places[chain] - places[foot])  # straight, not along the bones: some End Sites lead back
     if not reach.any():
         return None
     return foot, chain[int(np.argmax(reach >= SHORTEST_FOOT * reach[-1]))]
 
 
 def tree_legs(skeleton: Skeleton) -> Legs | None:
-    """Return the two legs that the tree and its bone lengths show, whatever the names; None where they show none.
+    """Return the two legs by the tree and its bone lengths, without names; None if there are none.
 
     A limb is the longest chain below a child of a joint; two below the same joint, of about equal bone lengths, are a
     pair. The legs are the pair that branches off nearest to the root, and of several there the longest. Pairs much
@@ -96,7 +96,7 @@ def tree_legs(skeleton: Skeleton) -> Legs | None:
 
 
 def _longest_pair(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[float, list[int], list[int]]]:
-    """The longest pair of like limbs below the joints `tops`, after the length of the first; none if none are alike."""
+    """The length of the longest pair of like limbs below the joints `tops`, and the pair; empty if none are alike."""
     long = longest_limbs(skeleton, tops)
     for a in sorted(long, key=lambda top: -limb_length(skeleton, top)):
         for b in long[long.index(a) + 1 :]:
@@ -108,7 +108,7 @@ def _longest_pair(skeleton: Skeleton, tops: Sequence[int]) -> list[tuple[float, 
 def _like_limbs(skeleton: Skeleton, a: int, b: int) -> tuple[list[int], list[int]] | None:
     """The limbs below two joints; None unless their bones have about equal lengths, and some length."""
     sizes, depths = [limb_length(skeleton, top) for top in (a, b)], skeleton.depths
-    near = 2 * abs(sizes[0] - sizes[1]) <= 1.001 * LIKENESS * sum(sizes)  # only that of about the same length is alike
+    near = 2 * abs(sizes[0] - sizes[1]) <= 1.001 * LIKENESS * sum(sizes)  # a cheap test before the bones are compared
     if not near or len({int(depths[skeleton.farthest[top]] - depths[top]) for top in (a, b)}) > 1:
         return None
     one, other = _longest_chain(skeleton, a), _longest_chain(skeleton, b)
@@ -122,7 +122,7 @@ def limb_length(skeleton: Skeleton, top: int) -> float:
 
 
 def longest_limbs(skeleton: Skeleton, tops: Sequence[int]) -> list[int]:
-    """Return the first joints of the longest limbs below a joint, `MOST_LIMBS` at most, in their order."""
+    """Return the first joints of the longest limbs, of the joints `tops`, `MOST_LIMBS` at most, in their order."""
     long = sorted(tops, key=lambda top: -limb_length(skeleton, top))[:MOST_LIMBS]
     return [top for top in tops if top in long]
 
@@ -140,13 +140,13 @@ def is_bend(bone: Array, onward: Array, angle: float) -> bool:
 
 def _longest_chain(skeleton: Skeleton, top: int) -> list[int]:
     """The joints from `top` down to the leaf that is farthest from it along the bones."""
-    line = skeleton.line(skeleton.farthest.item(top))
+    line = skeleton.to_root(skeleton.farthest.item(top))
     return line[line.index(top) :: -1]
 
 
 def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
-    """The leg in a chain of joints: from the bend at the hip, or its first long bone, to the ankle's, or its last.
-    A bend that is high, such as an animal's hock, is no ankle.
+    """The leg in a chain of joints: from the bend at the hip to the bend at the ankle, or its first to its last long
+    bone. A high bend, such as an animal's hock, is no ankle.
     """
     lengths = skeleton.lengths[chain]
     along = np.cumsum(lengths) / max(lengths.sum(), 1e-300)
@@ -164,7 +164,7 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
 
 
 def passing_regions(regions: Regions, legs: Legs | None) -> Flags:
-    """Return which pairs of regions pass each other in a stride, (regions, regions): both feet, and both shins."""
+    """Return which regions pass each other in a stride, (regions, regions): both feet, and both shins."""
     passing = np.zeros((len(regions.names),) * 2, bool)
     if legs:
         shins = [regions.names.index(name) for side in SIDES if (name := f"{side} shin") in regions.names]
@@ -189,7 +189,7 @@ class Arm:
 
 
 def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], up: Array) -> Array:
-    """Return all joints, (joints, 3) [file units], with arms straight down from the shoulders, against `up`, (3,)."""
+    """Return joint positions, (joints, 3) [file units], with arms straight down from the shoulders; `up` is (3,)."""
     places = np.array(places)
     for arm in arms:
         below = skeleton.subtree(arm.shoulder)
@@ -204,7 +204,7 @@ def hanging_distances(hanging: Array, u: Numbers, v: Numbers, tau: Array) -> Arr
     return lengths(hanging[u] - hanging[v]) / tau
 
 
-def raised(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:
+def arm_raise(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:
     """Return how far an arm is raised or bent in each frame, (frames,): 0 while it hangs, 1 from the angle `RAISED` on.
 
     The angle is that of the upper arm from straight down, by gravity or along the trunk, whichever is less, plus that
@@ -219,9 +219,9 @@ def raised(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:
     return smoothstep((angle + angles_between(upper, lower) - RELAXED) / (RAISED - RELAXED))
 
 
-def before(positions: Array, hand: list[int], shoulders: list[int], hips: list[int]) -> Array:
-    """Return how far a hand is put in front of the trunk, or behind it, in each frame, (frames,): 0 while it is beside
-    the trunk. `positions`, (frames, joints, 3), are the body's; `hand` the joints of the hand.
+def in_front_or_behind(positions: Array, hand: list[int], shoulders: list[int], hips: list[int]) -> Array:
+    """Return how far a hand is in front of the trunk, or behind it, in each frame, (frames,): 0 beside the trunk, 1
+    from the angle `BEFORE` on. `positions` are (frames, joints, 3); `hand` has the joints of the hand.
     """
     left, right = (positions[:, joint] for joint in shoulders)
     pelvis = positions[:, hips].mean(axis=1)

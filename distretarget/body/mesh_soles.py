@@ -9,23 +9,24 @@ from distretarget.body.body import Body
 from distretarget.body.limbs import Legs
 from distretarget.body.soles import Sole
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skin.mesh import SkinnedMesh
 
-SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle are one side of the foot, rounded [cosine]
-# Least share of the hull's surface that is a flat sole: soles of real characters are 0.15 to 0.26 of it, the largest
-# face of a round foot is 0.05, and that of a pointed toe less.
+SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle form one side of the foot [cosine]
+# A flat sole is at least this share of the hull's surface: soles of real characters are 0.15 to 0.26 of it, the largest
+# face of a round foot is 0.05, that of a pointed toe less.
 FLAT = 0.1
-NEAR = np.cos(np.radians(45))  # a sole is within this angle of where rest pose or joints show it: no side of the foot
+NEAR = np.cos(np.radians(45))  # a sole is within this angle of the one that rest pose or joints show [cosine]
 
 
-@found_once
+@rig_cached
 def flat_normals(body: Body, legs: Legs, soles: tuple[Sole, Sole], mesh: SkinnedMesh) -> tuple[Array, Array] | None:
     """Return the normals of the soles of both feet as the body's mesh shows them, (3,) each, in the axes of the ankles;
-    None where one of the feet has no flat sole. `soles` are those that rest pose and joints show.
+    None where one of the feet has no flat sole. `soles` are the soles that rest pose and joints show.
 
-    A foot rests on a face of its convex hull. Of the faces near to where the sole may be, the sole is that with the
-    most surface facing the same way; up in a rest pose that stands, if half as much faces there.
+    A foot rests on a face of its convex hull. Candidates are the faces near to those soles; the one whose direction is
+    shared by most of the hull's surface is the sole. Up in a standing rest pose, or else the given normal, is preferred
+    if half as much surface shares it.
     """
     normals = [_flat_normal(body, leg.ankle, sole, mesh) for leg, sole in zip(legs, soles, strict=True)]
     left, right = normals
@@ -39,19 +40,19 @@ def _flat_normal(body: Body, ankle: int, sole: Sole, mesh: SkinnedMesh) -> Array
     near = np.flatnonzero((ups @ np.stack(known, axis=1) > NEAR).any(axis=1))
     if not len(near):
         return None
-    same = ups @ np.vstack([ups[near], known]).T > SAME_FACE
-    flat = shares @ same
+    alike = ups @ np.vstack([ups[near], known]).T > SAME_FACE
+    flat = shares @ alike
     best, at_known = flat[: len(near)].max(), flat[len(near) :]
     if best < FLAT:
         return None
     if 2.0 * at_known[-1] > best:
         return np.asarray(known[-1])
-    return normalised((shares * same[:, flat[: len(near)].argmax()]) @ ups)
+    return normalised((shares * alike[:, flat[: len(near)].argmax()]) @ ups)
 
 
 def _faces(mesh: SkinnedMesh, joints: list[int]) -> tuple[Array, Array]:
-    """The triangles of the convex hull of what some joints move most: the inward normal of each, (triangles, 3), and
-    its share of the hull's surface, (triangles,).
+    """The triangles of the convex hull of the vertices that some joints move most: the inward normal of each,
+    (triangles, 3), and its share of the hull's surface, (triangles,).
     """
     points = mesh.vertices[np.isin(mesh.carriers, joints)]
     try:

@@ -1,4 +1,4 @@
-"""What the names of the joints and their tree show: the anatomy of a skeleton, and its IK handles."""
+"""The anatomy of a skeleton, and its IK handles, by the names of the joints and their tree."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from distretarget.body.conventions import (
 )
 from distretarget.skeleton import Skeleton
 
-# Points for each part that a chain of joints has: the bones of a limb count more than collar bone and toes.
+# Points for each named part in a chain of joints: the bones of a limb count more than collar bone and toes.
 PART_POINTS = dict.fromkeys(ARM + LEG, 2.0) | {"Shoulder": 1.0, "Toes": 1.0}
-# Points for a convention that fits fully; less fit, fewer points. They decide between several meanings of a word.
+# Points for the fit (0 to 1) of the convention in which a name means the part; they decide between meanings of a name.
 FIT_POINTS = 0.5
 
 LONG_BONE_WORDS = ("Upper", "Lower")  # parts with these first words have a long bone
 LAST_BONE = 3  # the number of a finger's last bone that has a role
 FINGER_NUMBER = re.compile(r"finger(\d)")  # a finger's number in a joint's name
 
-# The hips may have this name only where legs and trunk branch off; a joint above them with it just carries the body.
+# Hips may have this name only where legs and trunk branch off; a joint above them with this name carries the body.
 CARRIER = "root"
 
 DEFORMING = ("def",)  # the prefix of the bones that deform the mesh in rigs with other copies of each bone
@@ -37,7 +37,7 @@ DEFORMING = ("def",)  # the prefix of the bones that deform the mesh in rigs wit
 HANDLE_WORDS = frozenset(("ik", "vb"))  # the name of a handle has one of these words; "VB" marks Unreal's virtual bones
 HANDLED_PARTS = ("Hand", "Foot", "Toes")  # the parts that have handles
 
-# Handles that are not named for a joint, with the name of the joint that they follow. Unreal's "ik_hand_gun", the grip
+# Handles without the name of a joint, and the name of the joint that they follow. Unreal's "ik_hand_gun", the grip
 # of a weapon, is at the right hand.
 NAMED_OTHERWISE: dict[tuple[str, Side | None], tuple[str, Side]] = {("handgun", None): ("hand", "right")}
 
@@ -47,7 +47,7 @@ Trunk = tuple[int, Sequence[int], Sequence[int], int | None]
 
 @lru_cache(maxsize=64)
 def by_tree(tree: NamedTree, *, single: bool = False) -> Anatomy | None:
-    """Return the anatomy that a tree of names shows; None where it shows too little. Found once for all clips of a rig.
+    """Return the anatomy that a tree of names shows; None where it shows too little. Cached for the clips of a rig.
 
     The names must show the two long bones of both arms or of both legs, hips and, unless the body is legs alone, a
     trunk above them. A part has a role only if a joint has a known name for it; spine and neck need no known names.
@@ -57,7 +57,7 @@ def by_tree(tree: NamedTree, *, single: bool = False) -> Anatomy | None:
 
 
 def with_named_fingers(skeleton: Skeleton, anatomy: Anatomy) -> Anatomy:
-    """Return an anatomy without fingers with those that names show below its hands."""
+    """Return an anatomy with fingers added that names show below its hands."""
     tree = NamedTree.of(skeleton)
     rig = _Rig(tree.parents, name_meanings(tree))
     hands = {side: rig.fingers(anatomy.roles[f"{side}Hand"]) for side in SIDES}
@@ -90,9 +90,9 @@ class _Rig:
         return Anatomy(roles=roles, spine=tuple(spine), neck=tuple(neck), convention=convention, method="names")
 
     def _limb(self, limb: Sequence[str], side: str) -> dict[str, int]:
-        """The joints of the chain on a side with the most points for this limb, of equal ones that whose last joint
-        carries most; empty unless both long bones are named. `chains` has, for each joint, the best chains that end
-        there or above, by the number of parts they may use, each with its points.
+        """The joints of a limb on a side, by part: the chain of names with most points, of equal chains the one whose
+        last joint has most descendants. Empty unless both long bones are named. `chains` has, for each joint, points
+        and joints of the best chain that ends there or above with the first n parts of the limb, for each n.
         """
         chains: list[list[tuple[float, dict[str, int]]]] = []
         points = itemgetter(0)
@@ -102,8 +102,8 @@ class _Rig:
             fits = self.meanings.parts(joint) if self.meanings.names[joint].side == side else {}
             for rank, part in enumerate(limb):
                 if part in fits:
-                    more = PART_POINTS[part] + FIT_POINTS * fits[part]
-                    longer = above[rank][0] + more, above[rank][1] | {part: joint}
+                    own_points = PART_POINTS[part] + FIT_POINTS * fits[part]
+                    longer = above[rank][0] + own_points, above[rank][1] | {part: joint}
                     best[rank + 1 :] = [max(chain, longer, key=points) for chain in best[rank + 1 :]]
             chains.append(best)
         _, joints = max(
@@ -112,8 +112,8 @@ class _Rig:
         return joints if all(part in joints for part in limb if part.startswith(LONG_BONE_WORDS)) else {}
 
     def _limb_or_bone(self, limb: Sequence[str], side: str) -> dict[str, int]:
-        """The joints of `_limb`; or else the first joint on a side that hangs from trunk or collar bone, has a name of
-        a long bone, and carries only its end and leaves, with its end: the part's, or an End Site; empty without one.
+        """The joints of `_limb`, or else of a limb of one bone: the first joint on a side that hangs from trunk or
+        collar bone, has the name of a long bone and carries only leaves and the limb's end, a part or an End Site.
         """
         if found := self._limb(limb, side):
             return found
@@ -131,7 +131,7 @@ class _Rig:
     def fingers(self, hand: int) -> dict[str, int]:
         """The joints of the fingers below a hand, by role without side, such as "Index1"."""
         names = self.meanings.names
-        below = self._all_below([hand])
+        below = self._descendants([hand])
         deforming = [joint for joint in below if names[joint].prefix == DEFORMING]
         stems = {joint: names[joint].stem for joint in deforming or below if not names[joint].helper}
         from_zero = any("finger0" in stem for stem in stems.values())
@@ -153,13 +153,13 @@ class _Rig:
         }
 
     def _chain(self, joints: Sequence[int], stems: Mapping[int, str]) -> Sequence[int]:
-        """The bones of a finger: its joints that follow each other down the tree, as many as there are. A joint that is
-        named for one above it, as "index_01_half" is for "index_01", is a bone of the skin, unless all but one are.
+        """The bones of a finger: the longest chain of its joints down the tree. A joint whose name extends that of a
+        joint above it ("index_01_half" and "index_01") only bends skin and does not count, unless all but one are such.
         """
-        chains: list[tuple[list[int], list[int]]] = [([], [])]  # the bones, and all joints down to one of them
+        chains: list[tuple[list[int], list[int]]] = [([], [])]  # the bones, and all joints of each chain
         lowest = dict.fromkeys((-1,), 0)
         for joint in joints:
-            above = next(above for above in (*self._line(self.parents[joint]), -1) if above in lowest)
+            above = next(above for above in (*self._to_root(self.parents[joint]), -1) if above in lowest)
             bones, line = chains[lowest[above]]
             of_skin = any(_extends(stems[joint], stems[upper]) for upper in line)
             lowest[joint] = len(chains)
@@ -173,20 +173,20 @@ class _Rig:
         """
         meanings, joints = self.meanings, range(len(self.parents))
         named = {joint: meanings.names[joint].stem for joint in joints if meanings.means(joint, "head")}
-        heads = [joint for joint in named if named[joint] not in map(named.get, self._line(self.parents[joint]))]
-        head = max(heads, key=lambda joint: len(self._line(joint)), default=None)
+        heads = [joint for joint in named if named[joint] not in map(named.get, self._to_root(self.parents[joint]))]
+        head = max(heads, key=lambda joint: len(self._to_root(joint)), default=None)
         crown = head if head is not None else max(filter(meanings.is_neck, joints), default=None)
         uppers = [*arms] if len(arms) == len(SIDES) or crown is None else [*arms, crown]
         if not uppers:
             return self._hips_alone(legs)
-        top = self._branching(self.parents[joint] for joint in uppers)
-        center = self._branching([top, *(self.parents[joint] for joint in legs)])
+        top = self._common_ancestor(self.parents[joint] for joint in uppers)
+        center = self._common_ancestor([top, *(self.parents[joint] for joint in legs)])
         hips = self._hips(center, legs)
         if hips is None:
             return None
-        line = self._line(top)[::-1]
+        line = self._to_root(top)[::-1]
         spine = line[line.index(hips if hips in line else center) + 1 :]
-        above_spine = self._line(-1 if crown is None else crown)[::-1]
+        above_spine = self._to_root(-1 if crown is None else crown)[::-1]
         neck = [joint for joint in above_spine if joint not in line and joint != head]
         chain = [joint for joint in (*spine, *neck) if not meanings.is_helper(joint) and not self._is_hips(joint)]
         past_top = sum(joint in line for joint in chain)
@@ -194,9 +194,9 @@ class _Rig:
         return hips, chain[:first], chain[first:], head
 
     def _hips_alone(self, legs: Sequence[int]) -> Trunk | None:
-        """The trunk of a body that has legs only; None if it has more than legs."""
-        hips = self._hips(self._branching(self.parents[leg] for leg in legs), legs)
-        of_legs = {*self._all_below(legs), *(joint for leg in legs for joint in self._line(leg))}
+        """The trunk of a body that has legs only; None if it has other joints."""
+        hips = self._hips(self._common_ancestor(self.parents[leg] for leg in legs), legs)
+        of_legs = {*self._descendants(legs), *(joint for leg in legs for joint in self._to_root(leg))}
         return None if hips is None or len(of_legs) < len(self.parents) else (hips, (), (), None)
 
     def _hips(self, center: int, legs: Sequence[int]) -> int | None:
@@ -206,7 +206,7 @@ class _Rig:
         """
         if center < 0:
             return None
-        others = [*self._line(self._branching(legs))[:1], *self._line(self.parents[center])]
+        others = [*self._to_root(self._common_ancestor(legs))[:1], *self._to_root(self.parents[center])]
         named = [joint for joint in others if self._is_hips(joint) and self.meanings.names[joint].stem != CARRIER]
         if self._is_hips(center) or not named:
             return center if legs or self._is_hips(center) else None
@@ -223,7 +223,7 @@ class _Rig:
             below[self.parents[joint]] += below[joint] + 1
         return below
 
-    def _line(self, joint: int) -> list[int]:
+    def _to_root(self, joint: int) -> list[int]:
         """The joints from a joint up to the root, both included; none for -1."""
         line = []
         while joint >= 0:
@@ -231,7 +231,7 @@ class _Rig:
             joint = self.parents[joint]
         return line
 
-    def _all_below(self, tops: Collection[int]) -> list[int]:
+    def _descendants(self, tops: Collection[int]) -> list[int]:
         """The joints below some joints, ascending."""
         below = {*tops}
         for joint, parent in enumerate(self.parents):
@@ -239,14 +239,14 @@ class _Rig:
                 below.add(joint)
         return sorted(below.difference(tops))
 
-    def _branching(self, joints: Iterable[int]) -> int:
+    def _common_ancestor(self, joints: Iterable[int]) -> int:
         """The lowest common ancestor of joints, which may be one of them; -1 where there is none."""
-        lines = [{*self._line(joint)} for joint in joints]
+        lines = [{*self._to_root(joint)} for joint in joints]
         return max(set.intersection(*lines), default=-1) if lines else -1
 
 
 def _finger_of(stem: str, from_zero: bool) -> str | None:
-    """The finger that a stem names by a word, or by a number that counts from the thumb; None without either."""
+    """The finger that a stem names, by a word or by a number counted from the thumb; None without either."""
     for finger, own_words in vocabulary().fingers.items():
         if any(word in stem for word in own_words):
             return finger
@@ -255,7 +255,7 @@ def _finger_of(stem: str, from_zero: bool) -> str | None:
 
 
 def _extends(stem: str, upper: str) -> bool:
-    """Whether a stem is another with more words, as "index01half" is "index01"."""
+    """Whether a stem is another one and more words, as "index01half" extends "index01"."""
     return stem.startswith(upper) and stem[len(upper) :][:1].isalpha()
 
 
@@ -264,9 +264,8 @@ def _in_palm(stem: str) -> bool:
 
 
 def _first_number(finger: str, stems: Sequence[str], thumb: int) -> int:
-    """The number of a finger's first bone: 0 for a bone in the palm, by its name, or if three others follow it and its
-    number is not 1, or the thumb has three bones, none of them at its tip; else 1. A thumb of three bones begins in the
-    palm, but with 1.
+    """The number of a finger's first bone: 0 for a bone in the palm, else 1. A bone is in the palm if its name says so,
+    except in a thumb, or if three others follow and its name does not end with 1 or the thumb has three bones.
     """
     if not stems:
         return 1

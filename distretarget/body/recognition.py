@@ -1,4 +1,4 @@
-"""Which joint of a skeleton plays which role: by the file's humanoid, by names, by shape, or by names and shape."""
+"""The anatomy of a skeleton: by the file's humanoid, by names, by shape, or by names and shape."""
 
 from __future__ import annotations
 
@@ -15,16 +15,17 @@ from distretarget.skeleton import Skeleton
 
 LIMBS = tuple(tuple(side + part for part in limb) for limb in (ARM, LEG) for side in SIDES)
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
-# Bones in VRM's words, from the trunk outwards; those of limbs and fingers follow a side, and a side and a finger.
+# VRM's names of bones, from the trunk outwards; those of fingers follow a side and the finger's name.
 SPINE = ("spine", "chest", "upperChest")
 FINGER = ("Proximal", "Intermediate", "Distal")
 THUMB = ("Metacarpal", "Proximal", "Distal")
 
 
 def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
-    """Return the anatomy of a skeleton; None where no human body is recognised. Where names show the body but not all
-    its arms and legs, its shape shows the others, if it agrees on the rest; `positions`, (frames, joints, 3), of a
-    motion help. Where shape shows none, limbs may be single bones.
+    """Return the anatomy of a skeleton; None where no human body is recognised.
+
+    Names come first. Arms and legs that they lack are taken from the shape, if it agrees on the others; `positions`,
+    (frames, joints, 3), of a motion help there. If the shape shows no body, limbs may be single bones.
     """
     named = by_names(skeleton)
     if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
@@ -34,12 +35,12 @@ def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy 
         return by_tree(NamedTree.of(skeleton), single=True) or named
     if not named:
         return with_named_fingers(skeleton, shaped)
-    same = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None)
-    return _completed(named, same) if same else named
+    agreeing = next((each for each in (shaped, shaped.mirrored) if _agree(named, each)), None)
+    return _completed(named, agreeing) if agreeing else named
 
 
 def by_names(skeleton: Skeleton) -> Anatomy | None:
-    """Return the anatomy that the `humanoid` of the file states, else names and tree; None if they show too little."""
+    """Return the anatomy that the file's `humanoid` states, or else names and tree; None if these show too little."""
     return by_humanoid(skeleton) if skeleton.humanoid else by_tree(NamedTree.of(skeleton))
 
 
@@ -56,17 +57,17 @@ def _agree(named: Anatomy, shaped: Anatomy) -> bool:
 
 
 def _completed(named: Anatomy, shaped: Anatomy) -> Anatomy:
-    """The anatomy by names with the limbs of the other that it lacks."""
-    lost = [role for limb in LIMBS if not _is_known(named.roles, limb) for role in limb]
-    kept = {role: joint for role, joint in named.roles.items() if role not in lost}
+    """The anatomy by names, with limbs that it lacks taken from the one by shape."""
+    missing = [role for limb in LIMBS if not _is_known(named.roles, limb) for role in limb]
+    kept = {role: joint for role, joint in named.roles.items() if role not in missing}
     taken = {*kept.values(), *named.spine, *named.neck}
-    new = {role: shaped.roles[role] for role in lost if role in shaped.roles and shaped.roles[role] not in taken}
+    new = {role: shaped.roles[role] for role in missing if role in shaped.roles and shaped.roles[role] not in taken}
     return replace(named, roles=kept | new, method="shape") if new else named
 
 
 def by_humanoid(skeleton: Skeleton) -> Anatomy | None:
     """Return the anatomy that the skeleton's `humanoid` states; None unless it states the hips, and the two long bones
-    of both arms or of both legs. Bones that do not hang from the bone that they belong to have no role, nor have eyes
+    of both arms or of both legs. Bones that do not hang from the bone above them in a body get no role, nor do eyes
     and jaw.
     """
     joints = dict(skeleton.humanoid)
@@ -89,10 +90,10 @@ def by_humanoid(skeleton: Skeleton) -> Anatomy | None:
 
 
 def _chain(skeleton: Skeleton, joints: Mapping[str, int], above: int, bones: Iterable[str]) -> dict[str, int]:
-    """The joints of those of the bones that hang below the joint `above` and below each other, by bone."""
+    """The joints of `bones`, by bone, each below the one before, the first below `above`; others are left out."""
     found: dict[str, int] = {}
     for bone in bones:
         joint = joints.get(bone)
-        if joint is not None and above in skeleton.line(joint)[1:]:
+        if joint is not None and above in skeleton.to_root(joint)[1:]:
             found[bone] = above = joint
     return found

@@ -4,9 +4,9 @@ A rest pose in which a person can stand (T-pose, A-pose, arms down) is the refer
 all bones along one axis, is replaced by a T-pose. The OFFSETs show where bones point in the axes of their joints, and
 the motion as a whole how these axes are built, so that all clips of a rig have the same T-pose.
 
-What a clip shows once (a turned wrist, a head that looks down) is not of the rig. So each joint is taken to be neutral
-where rigs are built to be so, and its motion only decides between the ways to build it: the joint is turned as its
-parent is, or its axes are at right angles to its parent's. Where neither is near, the median over the frames counts.
+What one clip shows (a turned wrist, a head that looks down) does not belong to the rig. So the neutral rotation of a
+joint is one with which rigs are built, and the motion only chooses between these: none against the parent, or right
+angles to the parent's axes. If neither is near, it is the median over the frames.
 """
 
 from __future__ import annotations
@@ -28,26 +28,26 @@ from distretarget.numerics.vectors import Array, Flags, cross, lengths, level, n
 from distretarget.skeleton import Skeleton
 
 STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
-RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle away from straight up [cosine]
+RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle from straight up [cosine]
 FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards [rad]
-PITCHES = np.radians(8)  # standard deviation of the pitches of flat feet from it, from rig to rig [rad]
-UNSURE = 0.01  # weight of the usual pitch; 1 is that of a motion whose feet always rest at this pitch
-OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns half round about the sideways axis [cosine]
+PITCH_DEVIATION = np.radians(8)  # standard deviation of that angle over rigs [rad]
+USUAL_WEIGHT = 0.01  # weight of the usual pitch; all resting feet of a motion together have up to 1
+OPPOSITE = -0.9  # a bone with a smaller cosine to its goal first turns by 180 degrees about the sideways axis
 ON_AXIS = np.cos(np.radians(20))  # a joint with a bone this near to one of its axes is built along the bone [cosine]
-USUAL = np.cos(np.radians(60))  # the usual bend axis is this near to what the motion shows [cosine]
-ACROSS = 0.7  # an axis of a joint with a larger component across the bone than this may be the bend axis [sine]
-MOST_FRAMES = 500  # a motion shows how joints are turned in up to this many frames, evenly spread
-ROUNDS = 10  # of the search for a median rotation
-ALIKE = np.radians(1.0)  # rotations nearer to the median than this count the same [rad]
+USUAL = np.cos(np.radians(60))  # the usual bend axis is within this angle of the one that the motion shows [cosine]
+ACROSS = 0.7  # axes of a joint with a larger component across the bone may be the bend axis [sine]
+MOST_FRAMES = 500  # up to this many frames of a motion are used, evenly spread
+ITERATIONS = 10  # of the search for a median rotation
+ALIKE = np.radians(1.0)  # rotations nearer to the median than this have the same weight [rad]
 STILL = np.radians(0.05)  # a joint that turns by less than this is not animated [rad] ...
 ANIMATED = np.radians(5.0)  # ... if elbows or knees turn by more than this [rad]
-ALONG_FOOT = np.cos(np.radians(60))  # toes point as the foot within this angle [cosine]
+ALONG_FOOT = np.cos(np.radians(60))  # toes continue the foot within this angle [cosine]
 LOWER_BONES = ("LowerArm", "LowerLeg")
 HELD = ("Hand", "head")  # roles of joints that a clip may hold still in a pose that is not neutral
-UNTURNED = np.radians(60.0)  # a joint whose median is within this of no rotation has none while it is neutral [rad]
-RIGHT_ANGLED = np.radians(40.0)  # a median within this of right angles is at right angles [rad]
-CLEAR_BEND = 0.2  # a limb whose mean bend is larger than this shows its bend axis [sine]
-# (6, 4, 3, 3), all turns by right angles: by the axes that change places, and the ends to which they then point.
+UNTURNED = np.radians(60.0)  # a joint with a smaller median rotation has none while it is neutral [rad]
+RIGHT_ANGLED = np.radians(40.0)  # a joint with a median within this of right angles is at right angles [rad]
+CLEAR_BEND = 0.2  # a limb with a larger mean bend shows its bend axis [sine]
+# (6, 4, 3, 3), all rotations by right angles: by the permutation of the axes, then by their signs.
 RIGHT_ANGLES = np.array(
     sorted(np.rint(Rotation.create_group("O").as_matrix()), key=lambda turn: abs(turn).tolist())
 ).reshape(6, 4, 3, 3)
@@ -62,13 +62,13 @@ def stands_at_rest(rest: Directions) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Goal:
-    """How a joint of a limb stands in a T-pose."""
+    """The bone and the bend axis of a joint of a limb in a T-pose."""
 
     tip: int  # the joint at the end of its bone
     bone: Array  # (3,), the direction of the bone
     across: Array  # (3,), the direction of the axis about which the limb bends
-    from_above: bool  # whether the joint is turned as the joint above it while the limb is straight
-    as_above: bool  # whether the joint above it bends about the same axis
+    from_above: bool  # whether the joint has its parent's rotation while the limb is straight
+    as_above: bool  # whether the joint above bends about the same axis
 
 
 def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pitch: float = FOOT_PITCH) -> Array:
@@ -76,8 +76,8 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
 
     Hips, spine, neck, head, collar bones, hands and toes are neutral. The joints of arms and legs turn by the least
     rotation that points their bones as in a T-pose, feet downwards by `foot_pitch` [rad], and roll until the axis about
-    which they bend in the motion lies as well. Where a bone nearly turns round, it turns about the sideways axis, as
-    knees do. Without a motion, joints are neutral when they are not turned against their parents.
+    which they bend in the motion points as in a T-pose, too. A bone that nearly reverses turns about the sideways axis,
+    as knees do. Without a motion, neutral joints have no rotation against their parents.
     """
     anatomy, shown = rest.anatomy, motion and motion[:: -(-len(motion) // MOST_FRAMES)]
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
@@ -85,7 +85,7 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
         del goals[toes]
     bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
     built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
-    built = built if 2 * len(built) > len(bones) else set()  # in another rig it is chance
+    built = built if 2 * len(built) > len(bones) else set()  # in other rigs it is a coincidence
     bends = bend_axes(anatomy, shown) if shown else {}
     neutral = _neutral_turns(anatomy, shown, built=bool(built)) if shown else np.tile(np.eye(3), (len(skeleton), 1, 1))
     known, leans = _carriers_and_hips(skeleton, rest, shown), _leans(anatomy)
@@ -103,8 +103,8 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
 
 
 def _carriers_and_hips(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> dict[int, Array]:
-    """The rotations, (3, 3), of the hips and of the joints above them, by joint."""
-    hips, *carriers = skeleton.line(rest.anatomy.roles["hips"])
+    """The rotations, (3, 3), in a T-pose of the hips and of the joints above them, by joint."""
+    hips, *carriers = skeleton.to_root(rest.anatomy.roles["hips"])
     if shown is None:
         return dict.fromkeys((*carriers[-1:], hips), _hip_axes(rest).T)
     turns = {joint: _against_trunk(rest.anatomy, shown, joint) for joint in carriers}
@@ -118,27 +118,27 @@ def _bone(rest: Directions, shown: Motion | None, joint: int, tip: int) -> Array
 
 
 def usual_pitch(pitches: Array) -> float:
-    """Return the pitch of feet that stand flat, given those of feet that rest in a motion, (n,), all [rad]: their mean
-    with `FOOT_PITCH`, each weighted by how likely feet are built like it; so tiptoes and heels hardly count.
+    """Return the pitch of flat feet from the pitches of resting feet of a motion, (n,), all [rad]: a mean that includes
+    `FOOT_PITCH`, weighted by how likely a flat foot has each pitch, so that tiptoes and heels hardly count.
     """
-    weights = np.exp(-0.5 * ((pitches - FOOT_PITCH) / PITCHES) ** 2)
-    return float(np.average([*pitches, FOOT_PITCH], weights=[*weights, UNSURE * len(pitches)]))
+    weights = np.exp(-0.5 * ((pitches - FOOT_PITCH) / PITCH_DEVIATION) ** 2)
+    return float(np.average([*pitches, FOOT_PITCH], weights=[*weights, USUAL_WEIGHT * len(pitches)]))
 
 
 def _pointed(turn: Array, bone: Array, goal: Array) -> Array:
-    """The rotation `turn`, (3, 3), followed by the least one that brings a bone, (3,) in its axes, to a direction."""
+    """The rotation `turn`, (3, 3), followed by the least one that points a bone, (3,) in its axes, along `goal`."""
     if goal @ turn @ bone < OPPOSITE:
         turn = np.diag([1.0, -1.0, -1.0]) @ turn
     return least_matrix((turn @ bone)[None], goal[None]) @ turn
 
 
 def _rolled(turn: Array, goal: _Goal, bend: Array | None, built: bool) -> Array:
-    """The rotation `turn`, (3, 3), followed by one about the bone that brings the bend axis, (3,) in the joint's own
-    axes, to where it belongs; None if the motion does not show it.
+    """The rotation `turn`, (3, 3), followed by one about the bone that brings the axis `bend` to `goal.across`. `bend`,
+    (3,) in the joint's axes, is None if the motion does not show it.
 
-    In a joint that is built along its bone, one of its own axes is the bend axis: the usual one by its rotation `turn`,
-    unless the motion shows another. A mean bend just opposite to that of the joint above is no other axis, but a fault
-    of the motion, such as of feet in ballet.
+    In a joint that is built along its bone, one of its own axes is the bend axis: the one nearest to the goal by
+    `turn`, unless the motion shows another. A bend opposite to that of the joint above does not count as
+    another axis: it is a peculiarity of the motion, as of feet in ballet.
     """
     shown = goal.across if bend is None else normalised(level(turn @ bend, goal.bone))
     axis = shown
@@ -153,17 +153,17 @@ def _rolled(turn: Array, goal: _Goal, bend: Array | None, built: bool) -> Array:
 
 
 def _leans(anatomy: Anatomy) -> dict[int, Array]:
-    """The rotations, (3, 3), by which the joints of spine, neck and head lean more than the joint below in a T-pose."""
+    """The rotations, (3, 3), of spine, neck and head against the joint below in a T-pose (`Convention.leans`)."""
     joints, leans = _spine_to_head(anatomy), leans_of(anatomy.convention)
-    more = np.outer(np.diff(leans, prepend=0.0), [1.0, 0.0, 0.0])
-    turns = Rotation.from_rotvec(more, degrees=True).as_matrix() if len(leans) == len(joints) else ()
+    steps = np.outer(np.diff(leans, prepend=0.0), [1.0, 0.0, 0.0])
+    turns = Rotation.from_rotvec(steps, degrees=True).as_matrix() if len(leans) == len(joints) else ()
     return dict(zip(joints, turns, strict=False))
 
 
 def _hip_axes(places: Directions) -> Array:
-    """(3, 3), the axes of the hips, from the places of all joints in the hips' own axes: left across the hip joints, or
-    the shoulders if the hip joints lie along the spine; up along the spine's first bone, or the whole trunk if only
-    that is near an axis of the hips.
+    """(3, 3), the body's axes in those of the hips, from joint positions in the axes of the hips: left across the hip
+    joints, or the shoulders if hip joints lie along the spine; up along the spine's first bone, or along the trunk if
+    only the trunk is near an axis of the hips.
     """
     anatomy, x = places.anatomy, places.positions
     bones = [direction(x, anatomy.roles["hips"], joint) for joint in _spine_to_head(anatomy)]
@@ -197,7 +197,7 @@ def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iter
 
 
 def _toes_with_tails(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> Iterator[int]:
-    """The toes whose End Sites lead up or back, as the tails of bones in some programs, not along the foot."""
+    """The toes whose End Sites do not continue the foot but lead up or back, as tails of bones in some programs."""
     for side in SIDES:
         ends = rest.anatomy.joints(f"{side}Foot", f"{side}Toes")
         tip = skeleton.farthest.item(ends[-1]) if len(ends) == 2 else 0
@@ -213,7 +213,7 @@ def _toes_with_tails(skeleton: Skeleton, rest: Directions, shown: Motion | None)
 
 
 def _trunk_goals(anatomy: Anatomy) -> Iterator[tuple[int, _Goal]]:
-    """The joints of spine, neck and shoulders, with their goals where no motion shows how they are turned."""
+    """The joints of spine, neck and shoulders, with their goals in a T-pose if there is no motion."""
     left, up, _ = np.eye(3)
     for lower, upper in pairwise(_spine_to_head(anatomy)):
         yield lower, _Goal(upper, up, left, False, False)
@@ -228,14 +228,14 @@ def _bones_of(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tu
 
 
 def _places_from(motion: Motion, joint: int, others: Sequence[int]) -> Array:
-    """(len(others), 3), the places of other joints in the axes of a joint: the means over the frames."""
-    away = motion.positions[:, others] - motion.positions[:, joint, None]
+    """(len(others), 3), the mean positions over the frames of other joints in the axes of a joint."""
+    offsets = motion.positions[:, others] - motion.positions[:, joint, None]
     turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
-    return np.asarray((away @ turns).mean(axis=0))
+    return np.asarray((offsets @ turns).mean(axis=0))
 
 
 def _against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
-    """(3, 3), how a joint that carries the body is turned in a T-pose: its median against the trunk, right-angled."""
+    """(3, 3), the rotation in a T-pose of a joint that carries the body: right angles near its median to the trunk."""
     trunk = Directions(anatomy, motion.positions).axes
     turns = Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
     return np.asarray(_right_angled(_medians((trunk.swapaxes(-1, -2) @ turns)[:, None])[0])[0])
@@ -244,10 +244,10 @@ def _against_trunk(anatomy: Anatomy, motion: Motion, joint: int) -> Array:
 def _neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
     """The rotation of each joint against its parent while it is neutral, (3, 3).
 
-    A joint that is not animated is neutral as it is, unless it is a hand or of the head, which a clip may hold still. A
-    collar bone is neutral as it is on the whole while its arm hangs. Other joints are neutral when they are not turned,
-    or at right angles in a rig that is `built` along its bones, if that is near; else as they are on the whole. Left
-    and right joints decide together, so that a hand or leg that one clip holds turned counts half.
+    A joint that is not animated is neutral as it is, except hands, neck and head, which a clip may hold still. A collar
+    bone has its median rotation while the arm hangs. Other joints have none, if their median is near that; right angles
+    in a rig that is `built` along its bones, if their median is near them; else their median. Left and right joints
+    decide together, so that a hand or leg that one clip holds turned counts half.
     """
     local = Rotation.from_quat(motion.rotations).as_matrix()
     neutral, farthest = _medians(local)
@@ -266,7 +266,7 @@ def _neutral_turns(anatomy: Anatomy, motion: Motion, *, built: bool) -> Array:
 
 
 def _built_alike(anatomy: Anatomy, count: int) -> Iterator[list[int]]:
-    """The left and the right joint of each part of the body, which rigs build as mirror images; all others alone."""
+    """The left and the right joint of each part of the body, which rigs build as mirror images; other joints singly."""
     pairs = [anatomy.pair(part) for side, part in map(side_and_part, anatomy.roles) if side == SIDES[0]]
     yield from filter(None, pairs)
     yield from ([joint] for joint in {*range(count)}.difference(*pairs))
@@ -283,8 +283,8 @@ def _collar_bones(anatomy: Anatomy, motion: Motion) -> Iterator[tuple[int, Flags
 
 def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
     """Return the axes, (3,), about which elbows and knees bend, by the joints of limbs, each in the joint's own axes:
-    the mean over the frames. Limbs that hardly bend have none, nor have arms that on the whole bend backwards; but
-    where a knee is straight, the plane of shin and foot shows its axis. An ankle has the axis of its knee.
+    the mean over the frames. Limbs that hardly bend have none, nor do arms that mostly bend backwards; for a straight
+    knee the plane of shin and foot shows the axis. An ankle has the axis of its knee.
     """
     axes: dict[int, Array] = {}
     forward = Directions(anatomy, motion.positions).axes[..., 2]
@@ -307,9 +307,9 @@ def bend_axes(anatomy: Anatomy, motion: Motion) -> dict[int, Array]:
 
 
 def _medians(turns: Array) -> tuple[Array, Array]:
-    """The medians of rotations, (joints, 3, 3), of least sum of angles to all, and the largest angles to them [rad]."""
+    """The median rotations over the frames, (joints, 3, 3), by least sum of angles, and the largest angles [rad]."""
     weights = np.ones(turns.shape[:2])
-    for _ in range(ROUNDS):
+    for _ in range(ITERATIONS):
         medians = nearest_rotations(np.einsum("fj,fjab->jab", weights, turns))
         cosines = (np.einsum("fjab,jab->fj", turns, medians) - 1.0) / 2.0
         away = np.arccos(np.clip(cosines, -1.0, 1.0))
@@ -323,17 +323,17 @@ def _angles(turns: Array) -> Array:
 
 
 def _squared(turns: Array) -> Array:
-    """The turns by right angles of joints that are built alike, (joints, 3, 3), if they are near to their rotations on
-    average; else the rotations.
+    """The rotations of joints that are built alike, (joints, 3, 3), or the rotations by right angles nearest to them if
+    these are near on average.
     """
     nearest = _right_angled(turns)
     return nearest if _angles(nearest.swapaxes(-1, -2) @ turns).mean() < RIGHT_ANGLED else turns
 
 
 def _right_angled(turns: Array) -> Array:
-    """The turns by right angles nearest to the rotations of joints that are built alike, (joints, 3, 3): all bring the
-    same axis onto the same, as mirror images do, but maybe to its other end.
+    """The rotations by right angles nearest to those of joints that are built alike, (joints, 3, 3): all permute the
+    axes alike, as mirror images do, but signs may differ.
     """
     cosines = np.einsum("jab,lsab->jls", turns, RIGHT_ANGLES)
-    lines = np.argmax(cosines.max(axis=-1).sum(axis=0))
-    return np.asarray(RIGHT_ANGLES[lines, np.argmax(cosines[:, lines], axis=-1)])
+    permutation = np.argmax(cosines.max(axis=-1).sum(axis=0))
+    return np.asarray(RIGHT_ANGLES[permutation, np.argmax(cosines[:, permutation], axis=-1)])

@@ -13,9 +13,9 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 REST_SPEED = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s]
 REST_HEIGHT = 0.1  # a foot that rests on the floor is at most this far above the body's lowest joint [leg lengths]
 SPAN = 1 / 30  # speeds are means over this time before and after a frame [s]
-FADE = 1.4  # the rest of a foot fades out up to this many times these limits
-# A joint that stands still is slower than `STILL_SPEED` for at least `STILL_TIME`, while the base of its limb goes
-# `TIMES_AS_FAR` times as far from its mean place, and `FARTHER` more.
+FADE = 1.4  # the rest weight of a foot is 1 up to these limits and 0 from this many times them on
+# A joint that stands still is slower than `STILL_SPEED` for at least `STILL_TIME`, while the base of its limb moves
+# `TIMES_AS_FAR` times as far from its mean position, and `FARTHER` more.
 STILL_SPEED = 0.1  # [leg lengths / s]
 STILL_TIME = 0.3  # [s]
 TIMES_AS_FAR = 5.0
@@ -28,15 +28,15 @@ def feet_at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> Flags:
 
 
 def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shots | None = None) -> Array:
-    """Return how much ankle and toe of a leg rest, (frames, 2), 0 to 1: they are slow and the foot is low against the
-    body, without roots above the leg, or they stand still, as on a step. It fades out to `FADE` times the limits of
-    speed and height, so that little depends on small differences. `up`, (3,), is the unit vector up; `length` the leg's
-    [file units]; `shots`, (frames,), are judged separately; without them the motion is one.
+    """Return the rest weights of ankle and toe of a leg, (frames, 2), 0 to 1: 1 if they are slow and the foot is near
+    the height of the body's lowest joint (joints above the leg excluded), or if they stand still, as on a step.
+    Weights fade to 0 at `FADE` times the limits of speed and height. `up`, (3,), is the unit vector up; `length` the
+    leg's [file units]; `shots`, (frames,), are judged separately; by default there is one.
     """
     shots = np.zeros(len(motion), np.intp) if shots is None else shots
     joints = np.array([leg.ankle, leg.toe])
     below = [leg.ankle, leg.toe, *motion.skeleton.children[leg.toe]]
-    outside = {*motion.skeleton.line(leg.hip)[1:]}
+    outside = {*motion.skeleton.to_root(leg.hip)[1:]}
     of_body = np.array([joint for joint in range(len(motion.skeleton)) if joint not in outside])
     speeds = joint_speeds(motion, joints, shots)
     heights = heights_of(motion.positions, below, up).min(axis=1)
@@ -47,8 +47,9 @@ def feet_resting(motion: Motion, leg: Leg, up: Array, length: float, shots: Shot
 
 
 def _low(heights: Array, above: Array, slow: Flags, length: float, shots: Shots) -> Array:
-    """(frames,), how low a foot is, 0 to 1, at these `heights`, so far `above` the lowest joint, (frames,) each. A foot
-    that is `slow` all the time stays low at about the height where it was low, although a hand reaches below.
+    """(frames,), the weight, 0 to 1, with which a foot counts as low, from its `heights` and its heights `above` the
+    body's lowest joint, (frames,) each. While it stays `slow`, it is low near the height at which it has the weight 1,
+    even if a hand reaches below it.
     """
     low = _within(above, REST_HEIGHT * length)
     for shot in slices_of(shots):
@@ -61,7 +62,7 @@ def _low(heights: Array, above: Array, slow: Flags, length: float, shots: Shots)
 
 
 def _within(values: Array, limit: float) -> Array:
-    """1 up to a limit, 0 from `FADE` times the limit on, smooth in between."""
+    """1 up to a limit, 0 from `FADE` times the limit on, a smoothstep in between."""
     return smoothstep((FADE - values / limit) / (FADE - 1.0))
 
 
@@ -77,9 +78,9 @@ def joint_speeds(motion: Motion, joints: Numbers, shots: Shots) -> Array:
 
 
 def still_joints(motion: Motion, joints: Numbers, bases: Numbers, speeds: Array, length: float, shots: Shots) -> Flags:
-    """Return whether joints stand still in the world while their limbs move, (frames, joints): they hold on to
-    something if they keep their place while the joint at the limb's base, in `bases`, moves. `speeds` are those of
-    `joint_speeds`; `length` is that of a leg [file units].
+    """Return whether joints stand still in the world while the joint at the base of their limb, in `bases`, moves,
+    (frames, joints), as of hands that hold on to something. `speeds` are those of `joint_speeds`; `length` is that of a
+    leg [file units].
     """
     slow = speeds < STILL_SPEED * length
     holding = np.zeros_like(slow)

@@ -1,7 +1,7 @@
-"""The parts of a body that have skin: segments, whose surfaces can touch, and frames, to compare the skins of bodies.
+"""The parts of a body that have skin: segments, whose surfaces can touch, and part frames, to compare skins of bodies.
 
-A frame is a coordinate system of a part. It counts lengths along a limb in lengths of the bone, in a hand in lengths of
-the palm, and all others in the size of the body, the length of leg and trunk together: long arms are no thicker.
+A part frame is the coordinate system of a part. Its unit is the bone's length along a limb, the palm's length in a
+hand, and else the size of the body, the length of leg and trunk together: long arms are no thicker.
 """
 
 from __future__ import annotations
@@ -17,55 +17,55 @@ from distretarget.body.axes import axes_of
 from distretarget.body.body import Body
 from distretarget.body.limbs import Legs
 from distretarget.numerics.vectors import Array, Numbers, level, normalised
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS
 
 SEGMENT_OF_PART = {"hips": "pelvis", "neck": "neck", "head": "head"}
 SEGMENT_OF_PART |= {"UpperArm": "upper arm", "LowerArm": "forearm", "Hand": "hand"}
 SEGMENT_OF_PART |= {"UpperLeg": "thigh", "LowerLeg": "shin", "Foot": "foot", "Toes": "foot"}
-# Fingers move together: those of each group hang on the first of its knuckles that the hand has.
+# Fingers of a group move together: the first knuckle of the group that the hand has carries all.
 FINGER_GROUPS = (("Index", "Middle"), ("Ring", "Little"), ("Thumb",))
-HELPER = 0.1  # joints that reach no farther from where they branch off are muscles or twists, no hair [body units]
+HELPER = 0.1  # branches that reach less far are muscles or twists, not hair [body units]
 FACE = 0.14  # jaw, eyes and other joints of the face are nearer to the head's joint than this [body units] ...
 BELOW_HEAD = 0.03  # ... and not so far below it [body units]
 
 # The joints at the ends of the bone of each part of arm and leg.
 LIMBS = {"upper arm": ("UpperArm", "LowerArm"), "forearm": ("LowerArm", "Hand")}
 LIMBS |= {"thigh": ("UpperLeg", "LowerLeg"), "shin": ("LowerLeg", "Foot")}
-HAND = dict(zip(("fingers", "little fingers", "thumb"), FINGER_GROUPS, strict=True))  # parts of a hand, and fingers
+HAND = dict(zip(("fingers", "little fingers", "thumb"), FINGER_GROUPS, strict=True))  # the fingers of parts of a hand
 LEG = 0.638  # the leg of an average adult [sizes]
 PALM = 0.078  # that adult's palm, from the wrist to the knuckles [sizes]
-HEAD = 0.155  # how far the top of that adult's head is above its joint [sizes]
-PELVIS = 0.3  # below this, skin of the trunk moves with the hips, not with the spine [lengths of the trunk]
+HEAD = 0.155  # height of the top of that adult's head above the head's joint [sizes]
+PELVIS = 0.3  # below this height, skin of the trunk moves with the hips, not with the spine [lengths of the trunk]
 FEWEST_FINGERS = 3  # with fewer fingers, the hand's joints do not show how large it is
-PALMS = 0.6, 1.7  # the least and the longest palm [of the average one]
-HEADS = 1.0, 2.5  # the least and the largest head [of the average one]
-ALONG = 0.9  # a bone that points forward more than this has its side axis from up, not from forward [cosine]
+PALMS = 0.6, 1.7  # bounds of the palm's length [average palms]
+HEADS = 1.0, 2.5  # bounds of the head's size [average heads]
+ALONG = 0.9  # the side axis of a bone that points more forward than this comes from up, not from forward [cosine]
 
 
 @dataclass(frozen=True, eq=False)
 class Segments:
-    """The segments of a body; -1 for what is not part of it: joints above the hips, handles, props, hair and cloth."""
+    """The segments of a body; -1 for joints that are not part of it: above the hips, handles, props, hair and cloth."""
 
-    of_joint: Numbers  # (joints,), the number in `SEGMENTS` that each joint belongs to
-    carriers: Numbers  # (joints,), the joint that carries the capsules of what each joint moves
+    of_joint: Numbers  # (joints,), the index in `SEGMENTS` of each joint's segment
+    carriers: Numbers  # (joints,), the joint that carries the capsules of each joint's skin
 
     def joints(self, carrier: int) -> list[int]:
-        """Return the joints whose capsules a joint carries."""
+        """Return the joints of whose skin a joint carries the capsules."""
         return np.flatnonzero(self.carriers == carrier).tolist()
 
 
-@found_once
+@rig_cached
 def find_segments(body: Body) -> Segments:
-    """Return the segments of a body; none of its joints is in one where it has no anatomy."""
+    """Return the segments of a body; all -1 for a body without an anatomy."""
     skeleton, anatomy = body.skeleton, body.anatomy
     labels: dict[int, tuple[str, int]] = {} if anatomy is None else _main(skeleton, anatomy)
-    leads = skeleton.lines(labels)  # to a part with a role
+    on_the_way = skeleton.with_ancestors(labels)  # to joints with roles
     outside = {*body.above_hips, *(below for handle in body.handles for below in skeleton.subtree(handle))}
     for joint, parent in enumerate(skeleton.parents.tolist()):
-        open_ = parent in labels and joint not in labels and joint not in outside
-        if open_ and (joint in leads or _belongs(body, joint, *labels[parent])):
+        is_open = parent in labels and joint not in labels and joint not in outside
+        if is_open and (joint in on_the_way or _belongs(body, joint, *labels[parent])):
             labels[joint] = labels[parent]
     of_joint, carriers = np.full(len(skeleton), -1), np.full(len(skeleton), -1)
     for joint, (segment, carrier) in labels.items():
@@ -90,7 +90,7 @@ def _main(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
 
 
 def _spine(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
-    """The joints of the spine: those whose bones are in its lower half are the belly, the highest is the chest."""
+    """The labels of the spine: bones in its lower half are the belly, all others and the highest are the chest."""
     if not anatomy.spine:
         return {}
     top = anatomy.neck[0] if anatomy.neck else anatomy.roles.get("head", anatomy.spine[-1])
@@ -102,7 +102,7 @@ def _spine(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, tuple[str, int]]:
 
 
 def _fingers(anatomy: Anatomy, side: str, group: Iterable[str]) -> dict[int, tuple[str, int]]:
-    """The fingers of a group; bones in the palm move with the wrist."""
+    """The labels of a group of fingers; bones in the palm move with the wrist."""
     numbers = {f"{side}{finger}{number}": number for finger in group for number in range(4)}
     joints = {anatomy.roles[role]: number for role, number in numbers.items() if role in anatomy.roles}
     carrier = next((joint for joint, number in joints.items() if number > 0), -1)
@@ -111,9 +111,8 @@ def _fingers(anatomy: Anatomy, side: str, group: Iterable[str]) -> dict[int, tup
 
 
 def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
-    """Whether a joint that has no role, nor any joint below it, is part of the body, and not of hair, cloth or a tail:
-    whether it is an End Site, or in a hand, a foot or the face, or nothing below it is far away. `segment` and
-    `carrier` are those of its parent.
+    """Whether a joint without roles in its subtree is part of the body, not of hair, cloth or a tail: an End Site, or
+    a joint in a hand, a foot or the face, or with a short subtree. `segment` and `carrier` are those of its parent.
     """
     skeleton = body.skeleton
     if skeleton.end_sites[joint]:
@@ -128,28 +127,28 @@ def _belongs(body: Body, joint: int, segment: str, carrier: int) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Frame:
-    """The coordinate system of a part of a body, in the body's reference pose."""
+class PartFrame:
+    """The coordinate system of a part of a body in the reference pose."""
 
     origin: Array  # (3,) [file units]
-    axes: Array  # (3, 3), unit vectors along it, to its side and up as columns
-    length: float  # what counts as 1 along it [file units]
-    breadth: float  # what counts as 1 across it, and for radii [file units]
-    carriers: Sequence[tuple[int, float]]  # the joints that move its skin, and from which share of the length on
+    axes: Array  # (3, 3), unit vectors along the part, to its side and up as columns
+    length: float  # the unit along the part [file units]
+    breadth: float  # the unit across the part, and of radii [file units]
+    carriers: Sequence[tuple[int, float]]  # joints that move its skin, and the share of the length where each begins
 
     @property
     def scales(self) -> Array:
-        """(3,), what counts as 1 along its axes [file units]."""
+        """(3,), the units along the axes [file units]."""
         return np.array([self.length, self.breadth, self.breadth])
 
     def carrier(self, along: float) -> int:
-        """Return the joint that carries the skin at a share of the length."""
+        """Return the joint that carries the skin at `along`, a share of the length."""
         return next(joint for joint, start in reversed(self.carriers) if along >= start or start == -np.inf)
 
 
-def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
-    """Yield the frame of each part that a body with an anatomy has, such as "trunk" and "left palm". The head is `head`
-    times as large as the average adult's, unless bones show that it is larger.
+def part_frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, PartFrame]]:
+    """Yield name and frame of each part of a body with an anatomy, such as "trunk" and "left palm". The head is `head`
+    times the average adult's, unless bones show that it is larger.
     """
     size = _Size.of(body)
     if size is None:
@@ -164,7 +163,7 @@ def frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, Frame]]:
 
 
 def proportions(body: Body) -> tuple[float, float] | None:
-    """Return the length of the legs, and how high the top of the head is over the shoulders [sizes]; None if bones do
+    """Return the length of the legs, and the height of the top of the head over the shoulders [sizes]; None if bones do
     not show both.
     """
     size = _Size.of(body) if body.anatomy else None
@@ -186,11 +185,11 @@ class _Size:
     positions: Array
     axes: Array
     size: float
-    trunk: Frame
+    trunk: PartFrame
 
     @classmethod
     def of(cls, body: Body) -> _Size | None:
-        """Return those of a body; None for one without extent."""
+        """Return pose and size of a body with an anatomy; None for a body without extent."""
         anatomy, x, axes = body.anatomy, body.reference.positions, body.reference.axes
         assert anatomy is not None
         spine = (anatomy.roles["hips"], *anatomy.spine)
@@ -205,11 +204,12 @@ class _Size:
         left, up, forward = axes_of(axes[:, 0], normalised(along) if along.any() else axes[:, 1]).T
         shares = np.maximum.accumulate([PELVIS, *((x[list(spine[1:])] - low) @ up / trunk)])
         shares[0] = -np.inf
-        frame = Frame(low, np.stack([up, left, forward], axis=1), trunk, size, list(zip(spine, shares, strict=True)))
+        columns = np.stack([up, left, forward], axis=1)
+        frame = PartFrame(low, columns, trunk, size, list(zip(spine, shares, strict=True)))
         return cls(body.skeleton, anatomy, body.legs, x, axes, size, frame)
 
     def across(self, along: Array, side: str, wide: Array | None = None) -> Array:
-        """The axes of a part: along it, to its side, and forwards; or along it, along `wide`, and up from these."""
+        """The axes of a part as columns: along it, to the side and forwards; or along it, along `wide`, and up."""
         along = normalised(along)
         sign = 1.0 if side == "left" else -1.0
         if wide is not None:
@@ -221,7 +221,7 @@ class _Size:
 
 
 def _head_reach(size: _Size) -> float:
-    """How far the top of the head, by End Sites or a "HeadTop_End", is over its joint [sizes]; 0 if not shown."""
+    """The height of the top of the head (End Sites, or "HeadTop_End") above its joint [sizes]; 0 if not shown."""
     skeleton, head = size.skeleton, size.anatomy.roles.get("head")
     if head is None:
         return 0.0
@@ -231,21 +231,21 @@ def _head_reach(size: _Size) -> float:
     return float(up.max(initial=0.0)) / size.size
 
 
-def _head(size: _Size, usual: float) -> Iterator[tuple[str, Frame]]:
-    """Neck and head. The head is as large as its joints show if that is more than average, else `usual` times that."""
+def _head(size: _Size, usual: float) -> Iterator[tuple[str, PartFrame]]:
+    """Head and neck. The head is as large as its joints show if that is above average, else `usual` times average."""
     x, (left, up, forward) = size.positions, size.axes.T
     for head in size.anatomy.joints("head"):
         own = float(np.clip(_head_reach(size) / HEAD, *HEADS))
         scale = size.size * (own if own > HEADS[0] else usual)
-        yield "head", Frame(x[head], np.stack([up, left, forward], axis=1), scale, scale, [(head, -np.inf)])
+        yield "head", PartFrame(x[head], np.stack([up, left, forward], axis=1), scale, scale, [(head, -np.inf)])
         for neck in size.anatomy.joints("neck"):
             along = x[head] - x[neck]
             if along.any():
                 axes = axes_of(left, normalised(along))[:, [1, 0, 2]]
-                yield "neck", Frame(x[neck], axes, _norm(along), size.size, [(neck, -np.inf)])
+                yield "neck", PartFrame(x[neck], axes, _norm(along), size.size, [(neck, -np.inf)])
 
 
-def _limbs(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
+def _limbs(size: _Size, side: str) -> Iterator[tuple[str, PartFrame]]:
     """The bones of arm and leg."""
     x, roles = size.positions, size.anatomy.roles
     for part, (upper, lower) in LIMBS.items():
@@ -253,11 +253,11 @@ def _limbs(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
             along = x[roles.get(side + lower, size.skeleton.farthest.item(start))] - x[start]
             if along.any():
                 axes = size.across(along, side)
-                yield f"{side} {part}", Frame(x[start], axes, _norm(along), size.size, [(start, -np.inf)])
+                yield f"{side} {part}", PartFrame(x[start], axes, _norm(along), size.size, [(start, -np.inf)])
 
 
-def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Frame]]:
-    """The parts of a hand; its fingers hang on the wrist where it has no joints for them."""
+def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, PartFrame]]:
+    """The parts of a hand; the wrist carries fingers that have no joints."""
     x, anatomy = size.positions, size.anatomy
     hand, elbow = (anatomy.roles.get(side + part) for part in ("Hand", "LowerArm"))
     if hand is None or elbow is None:
@@ -274,14 +274,14 @@ def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Fram
     if not level(wide, normalised(along)).any():
         wide = size.across(along, side)[:, 2]
     axes = size.across(along, side, wide)
-    yield f"{side} palm", Frame(x[hand], axes, palm, palm, [(hand, -np.inf)])
+    yield f"{side} palm", PartFrame(x[hand], axes, palm, palm, [(hand, -np.inf)])
     for part, fingers in HAND.items():
         joints = anatomy.joints(*(f"{side}{finger}{number}" for finger in fingers for number in (1, 2)))
         carrier = carriers.item(joints[0]) if joints else hand
-        yield f"{side} {part}", Frame(x[hand], axes, palm, palm, [(carrier, -np.inf)])
+        yield f"{side} {part}", PartFrame(x[hand], axes, palm, palm, [(carrier, -np.inf)])
 
 
-def _foot(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
+def _foot(size: _Size, side: str) -> Iterator[tuple[str, PartFrame]]:
     """Foot and toes."""
     x, (_, up, forward) = size.positions, size.axes.T
     for foot in size.anatomy.joints(f"{side}Foot"):
@@ -292,7 +292,7 @@ def _foot(size: _Size, side: str) -> Iterator[tuple[str, Frame]]:
         axes = np.stack([normalised(along), normalised(np.cross(up, along)), up], axis=1)
         axes[:, 1] *= 1.0 if side == "left" else -1.0
         for part, joint in (("foot", foot), ("toes", toes)):
-            yield f"{side} {part}", Frame(x[foot], axes, size.size, size.size, [(joint, -np.inf)])
+            yield f"{side} {part}", PartFrame(x[foot], axes, size.size, size.size, [(joint, -np.inf)])
 
 
 def _norm(vector: Array) -> float:

@@ -1,4 +1,4 @@
-"""The anatomy of a skeleton, recognised by its tree, bone lengths and postures; names play no part."""
+"""The anatomy of a skeleton, recognised by its tree, bone lengths and postures, without names."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ ARM_JOINTS = 3  # least number of joints of an arm: shoulder, elbow, wrist
 TWIST_PENALTY = 0.05  # for a joint inside the upper arm or forearm
 BEND_PENALTY = 0.3  # for a joint there at which the rest pose bends
 NO_COLLAR_PENALTY = 0.3  # for an arm without a collar bone, if it has joints enough for one
-UNLIKE = 1.2  # a limb with this sum or a larger one is not an arm
+UNLIKE = 1.2  # a limb with at least this sum is not an arm
 
 LONGEST_NECK = 0.17  # a longer bone above the spine belongs to the head [leg lengths]
 NECK_RISE = 0.3  # a neck bone rises by at least this, a jaw by less [lengths of the bone]
 COLLAR_TO_HEAD = 0.25  # collar bones that branch off nearer to the head than this do so from the neck [leg lengths]
-CLEAR_FRONT = 0.3  # a direction shows which way is front if its mean cosine with it is larger than this [cosine]
-SLIGHT = 0.05  # directions shorter than this on average show nothing [leg lengths]
+CLEAR_FRONT = 0.3  # a direction shows the front if its mean cosine with the front or back is larger than this [cosine]
+SLIGHT = 0.05  # vectors shorter than this on average show nothing [leg lengths]
 
 
 class LimbChain(NamedTuple):
@@ -56,7 +56,7 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
 
     The posture is the rest pose if a person can stand in it, else those of a motion: `positions`, (frames, joints, 3).
     The feet show which side is left; else the knees, which bend forwards; else the direction in which the body walks.
-    Where none of them does, left is the side that comes first in the file.
+    If none of them does, left is the side that comes first in the file.
     """
     legs = _find_legs(skeleton)
     arms = _find_arms(skeleton, legs) if legs else None
@@ -84,7 +84,7 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
 
 
 def _roles(legs: LimbPair, arms: LimbPair) -> dict[str, int]:
-    """The joints of the roles in limbs, left before right."""
+    """The joints of the roles of limbs, given left before right."""
     roles: dict[str, int] = {}
     for side, leg, arm in zip(SIDES, legs, arms, strict=True):
         roles |= {f"{side}UpperLeg": leg.upper, f"{side}LowerLeg": leg.lower, f"{side}Foot": leg.end}
@@ -105,10 +105,10 @@ def _find_legs(skeleton: Skeleton) -> LimbPair | None:
 
 def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> LimbChain | None:
     """A leg from its topmost bend, past twist joints, with the knee nearest to its middle; None for one bone."""
-    thigh, trunk = skeleton.line(leg.hip), skeleton.line(other.hip)
+    thigh, trunk = skeleton.to_root(leg.hip), skeleton.to_root(other.hip)
     above = [*takewhile(lambda joint: joint not in trunk and skeleton.lengths[joint] > 0, thigh)]
     hip = next((joint for joint in above if _is_bent(skeleton, joint, leg.ankle)), leg.hip)
-    up = skeleton.line(leg.ankle)
+    up = skeleton.to_root(leg.ankle)
     joints = up[up.index(hip) :: -1]
     from_hip, ends = skeleton.paths_from(hip), skeleton.end_sites
     while len(joints) > 3 and (ends[joints[-1]] or skeleton.lengths[joints[-1]] < SHORTEST_SHIN * from_hip[joints[-1]]):
@@ -122,7 +122,7 @@ def _limb_of_leg(skeleton: Skeleton, leg: Leg, other: Leg) -> LimbChain | None:
 def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
     """The pair of like limbs above the legs with the most arm-like proportions; None where no pair is arm-like."""
     leg = (legs[0].length + legs[1].length) / 2
-    barred = {j for hip in legs for j in (*skeleton.line(hip.upper), *skeleton.subtree(hip.upper))}
+    barred = {j for hip in legs for j in (*skeleton.to_root(hip.upper), *skeleton.subtree(hip.upper))}
     joints = [joint for joint in range(len(skeleton)) if joint not in barred]
     pairs = [pair for joint in joints for pair in _like_chains(skeleton, skeleton.children[joint], ARM_JOINTS)]
     long = [(a, b) for a, b in pairs if skeleton.lengths[a].sum() >= SHORTEST_LIMB * leg]
@@ -135,7 +135,7 @@ def _find_arms(skeleton: Skeleton, legs: LimbPair) -> LimbPair | None:
 
 
 def _limb(skeleton: Skeleton, chain: list[int], upper: int, lower: int, end: int) -> LimbChain:
-    """The limb with its upper end, middle and lower end at these places in a chain of joints."""
+    """The limb with its upper end, middle and lower end at these indices of a chain of joints."""
     length = float(skeleton.paths_from(chain[upper])[chain[end]])
     return LimbChain(tuple(chain[:upper]), chain[upper], chain[lower], chain[end], length)
 
@@ -147,7 +147,7 @@ def _is_bent(skeleton: Skeleton, joint: int, below: int) -> bool:
 
 
 def _best_arm(skeleton: Skeleton, chain: list[int], leg: float) -> tuple[float, tuple[int, int, int]]:
-    """The places of shoulder, elbow and wrist in a chain that make it most like a human arm, after how unlike it is."""
+    """How unlike a human arm a chain is, and the indices of shoulder, elbow and wrist in it for which it is least."""
     along = skeleton.paths_from(chain[0])[chain]
     bones = np.diff(along)
     last_long = int(np.flatnonzero(bones >= SHORTEST_FOREARM * bones.max())[-1]) + 1
@@ -170,8 +170,8 @@ def _unlikeness(upper: float, fore: float, leg: float) -> float:
 
 
 def _like_chains(skeleton: Skeleton, tops: Sequence[int], least: int = 1) -> list[tuple[list[int], list[int]]]:
-    """The pairs of chains down from the joints `tops`, of at least so many joints, with bones of about equal lengths.
-    The longer chain of a pair, such as an arm that holds a sword, is cut to the length of the other.
+    """The pairs of chains down from the joints `tops`, of at least `least` joints, with bones of about equal lengths.
+    The longer chain of a pair, such as an arm that holds a sword, is cut to as many joints as the other.
     """
     inner = [top for top in tops if not skeleton.end_sites[top]]
     chains = [_chain(skeleton, top) for top in longest_limbs(skeleton, inner)] if len(inner) > 1 else []
@@ -203,7 +203,7 @@ def _forks(skeleton: Skeleton, joint: int) -> bool:
 
 
 def _collar(skeleton: Skeleton, arms: LimbPair, arm: LimbChain, posture: Array) -> list[int]:
-    """The inner end of an arm's collar bone: the only candidate, or the last less than halfway out to the shoulder."""
+    """The inner end of an arm's collar bone: the only candidate, or the outermost less than halfway to the shoulder."""
     if len(arm.collar) < 2:
         return list(arm.collar)
     x = posture if len(posture) else skeleton.rest_positions[None]
@@ -222,8 +222,8 @@ def _trunk(
     where the arms do, and is not one of a pair of like chains.
     """
     taken = {(*arm.collar, arm.upper)[0] for arm in arms}
-    up = skeleton.line(int(skeleton.parents[min(taken)]))
-    both_legs = skeleton.line(skeleton.meet(leg.upper for leg in legs))
+    up = skeleton.to_root(int(skeleton.parents[min(taken)]))
+    both_legs = skeleton.to_root(skeleton.common_ancestor(leg.upper for leg in legs))
     hips = next(joint for joint in up if joint in both_legs)
     for k, joint in enumerate(up[: up.index(hips)]):
         free = [child for child in skeleton.children[joint] if child not in taken and not skeleton.end_sites[child]]
@@ -278,15 +278,15 @@ def _heights(skeleton: Skeleton, legs: LimbPair, standing: Directions) -> Array:
 def _left_is_first(skeleton: Skeleton, legs: LimbPair, standing: Directions, moving: Directions) -> bool:
     """Whether the first leg is the left one; true where nothing shows it."""
     feet = partial(_feet, skeleton)
-    for way, show in ((standing, feet), (moving, feet), (standing, _knees), (moving, _knees), (moving, _travel)):
-        cosine = _agreement(show(legs, way.positions), legs, way)
+    for postures, find in ((standing, feet), (moving, feet), (standing, _knees), (moving, _knees), (moving, _travel)):
+        cosine = _agreement(find(legs, postures.positions), legs, postures)
         if abs(cosine) > CLEAR_FRONT:
             return cosine > 0
     return True
 
 
 def _feet(skeleton: Skeleton, legs: LimbPair, x: Array) -> Array:
-    """(frames, 3), the direction of the feet: from the ankles to the joints below, without the part along the shins."""
+    """(frames, 3), the direction of the feet: from the ankles to the joints below, perpendicular to the shins."""
     feet = [_middle(x, skeleton.subtree(leg.end)) - x[:, leg.end] for leg in legs]
     shins = [direction(x, leg.end, leg.lower) for leg in legs]
     return np.asarray(sum(perpendicular(foot, shin) for foot, shin in zip(feet, shins, strict=True)))
@@ -303,13 +303,13 @@ def _travel(legs: LimbPair, x: Array) -> Array:
     return len(x) * np.diff(hips, axis=0, prepend=hips[:1])
 
 
-def _agreement(forward: Array, legs: LimbPair, way: Directions) -> float:
-    """The mean cosine of directions (frames, 3) with the front if the first leg is the left one; 0 if too short."""
-    x, up = way.positions, -way.legs
+def _agreement(forward: Array, legs: LimbPair, postures: Directions) -> float:
+    """The mean cosine of vectors (frames, 3) with the front if the first leg is the left one; 0 if too short."""
+    x, up = postures.positions, -postures.legs
     front = normalised(cross(x[:, legs[0].upper] - x[:, legs[1].upper], up))
-    level = lengths(perpendicular(forward, up)).sum()
+    total = lengths(perpendicular(forward, up)).sum()
     slight = SLIGHT * legs[0].length * len(x)
-    return float((forward * front).sum() / level) if level > slight else 0.0
+    return float((forward * front).sum() / total) if total > slight else 0.0
 
 
 def _middle(x: Array, joints: list[int]) -> Array:

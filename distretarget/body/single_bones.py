@@ -1,9 +1,8 @@
-"""Limbs of one bone, as figures of blocks have: where they end, and sources whose limbs are as straight.
+"""Limbs of one bone, as of figures made of blocks: their End Sites, and sources with straightened limbs for them.
 
-A straight leg, which points from hip to ankle, is longer than a bent one. So the hips rise, as far as ankles of legs
-that stand would be under their floor, averaged over time. That is where an ankle is while its foot rests, and in
-between on the line from one rest to the next, but never above the ankle. Legs that lead away from the hips, as those of
-somebody who sits, turn up instead.
+A straight leg reaches farther than a bent one. So the hips rise, averaged over time, by as much as the ankles of
+standing legs would be below their floor. An ankle's floor is its height while the foot rests, interpolated between
+rests, and never above the ankle. Legs that do not point down, as of a person who sits, turn up instead.
 """
 
 from __future__ import annotations
@@ -15,12 +14,12 @@ from functools import partial
 import numpy as np
 
 from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
-from distretarget.body.beside import in_tree
 from distretarget.body.body import Body
 from distretarget.body.conventions import NamedTree
 from distretarget.body.limbs import Leg
 from distretarget.body.named_anatomy import by_tree
 from distretarget.body.resting import feet_at_rest
+from distretarget.body.tree_repairs import reparented
 from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot, smoothstep
@@ -30,28 +29,28 @@ from distretarget.skin.limbs import Limb, bent
 from distretarget.skin.mesh import MeshReader
 
 PARTS = tuple(tuple(side + part for part in parts) for parts in (ARM[1:], LEG[:3]) for side in SIDES)
-# The body stands on a leg that is within the first angle of straight down; one beyond the second leads away [rad].
-STANDS, LEADS = np.radians(25), np.radians(45)
+# The body stands on a leg within the first angle of straight down, and not on one beyond the second [rad].
+STANDING, RAISED = np.radians(25), np.radians(45)
 RISE_BLEND = 0.1  # the rise is averaged over this time before and after a frame [s]
 
 
 def single_bones(anatomy: Anatomy | None) -> Iterator[tuple[str, ...]]:
-    """Yield the roles of upper bone, lower bone and end for the limbs of an anatomy that have an upper bone alone."""
+    """Yield the roles of upper bone, lower bone and end of each limb of an anatomy without a lower bone."""
     roles = anatomy.roles if anatomy else {}
     return (parts for parts in PARTS if parts[0] in roles and parts[1] not in roles)
 
 
 def with_ends(skeleton: Skeleton, mesh: MeshReader) -> Skeleton:
-    """Return a skeleton with an End Site more for each limb of one bone that has no end, where its skin in the `mesh`
-    ends: straight below the hip, or along the longest axis of an arm's skin.
+    """Return a skeleton with an End Site added to each limb of one bone that has no end. It is where the limb's skin in
+    the `mesh` ends: straight below the hip, or along the longest axis of an arm's skin.
     """
     body = Body.of(skeleton) if any(single_bones(by_tree(NamedTree.of(skeleton), single=True))) else None
-    open_ = [parts for parts in single_bones(body.anatomy) if parts[2] not in body.roles] if body else []
-    skin = mesh() if open_ else None
+    endless = [parts for parts in single_bones(body.anatomy) if parts[2] not in body.roles] if body else []
+    skin = mesh() if endless else None
     if body is None or skin is None:
         return skeleton
-    tops, offsets = [body.roles[parts[0]] for parts in open_], []
-    for top, (_, _, end) in zip(tops, open_, strict=True):
+    tops, offsets = [body.roles[parts[0]] for parts in endless], []
+    for top, (_, _, end) in zip(tops, endless, strict=True):
         points = skin.vertices[np.unique(skin.firsts[skin.carriers == top])] - skeleton.rest_positions[top]
         points = points if len(points) else np.zeros((1, 3))
         is_leg = end.endswith("Foot")
@@ -69,23 +68,23 @@ def with_ends(skeleton: Skeleton, mesh: MeshReader) -> Skeleton:
 
 
 def on_ends(motion: Motion, mesh: MeshReader) -> Motion:
-    """Return a motion of the skeleton `with_ends`."""
+    """Return the motion on the skeleton `with_ends`."""
     skeleton, count = with_ends(motion.skeleton, mesh), len(motion.skeleton)
-    still = np.tile(skeleton.unturned[count:], (len(motion), 1, 1))
+    still = np.tile(skeleton.rest_rotations[count:], (len(motion), 1, 1))
     return replace(motion, skeleton=skeleton, rotations=np.hstack([motion.rotations, still])) if still.size else motion
 
 
 def without_ends(motion: Motion) -> Motion:
-    """Return a motion of the same skeleton without End Sites."""
+    """Return the motion on the same skeleton without End Sites."""
     skeleton = motion.skeleton
     if not skeleton.end_sites.any():
         return motion
     parents = {joint: skeleton.parents.item(joint) for joint in skeleton.joints}
-    return in_tree(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
+    return reparented(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
 
 
 def straightened(source: Body, target: Body) -> Body:
-    """Return the source with straight limbs where the target's are single bones."""
+    """Return the source with limbs straightened that are single bones on the target."""
     motion, roles, up = source.motion, source.roles, source.up_vector
     known = (parts for parts in single_bones(target.anatomy) if roles.keys() >= {*parts})
     limbs = [Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known]
@@ -94,24 +93,25 @@ def straightened(source: Body, target: Body) -> Body:
     legs, low = {leg.hip: leg for leg in source.legs or ()}, np.zeros((len(motion), len(limbs)))
     tops, middles, ends = (motion.positions[:, joints] for joints in np.transpose([limb.joints for limb in limbs]))
     upper, whole = lengths(middles - tops), lengths(middles - tops) + lengths(ends - middles)
-    ways = whole[..., None] * normalised(ends - tops)
+    straight = whole[..., None] * normalised(ends - tops)
     for number, limb in enumerate(limbs):
         if limb.top in legs:
             floor = _floor(motion, legs[limb.top], up, source.leg_length)
-            low[:, number] = floor - (tops + ways)[:, number] @ up
-    leads = smoothstep((angles_between(ways, np.broadcast_to(-up, ways.shape)) - STANDS) / (LEADS - STANDS))
-    rise = ((1.0 - leads) * low).max(axis=1, initial=0.0)
+            low[:, number] = floor - (tops + straight)[:, number] @ up
+    angles = angles_between(straight, np.broadcast_to(-up, straight.shape))
+    raised = smoothstep((angles - STANDING) / (RAISED - STANDING))
+    rise = ((1.0 - raised) * low).max(axis=1, initial=0.0)
     rise = by_shot(partial(averaged, reach=round(RISE_BLEND / motion.frame_time)), source.shots_of(motion), rise)
-    height = ways @ up + np.maximum(leads * (low - rise[:, None]), 0.0)
-    aside = np.sqrt(np.maximum(whole**2 - height**2, 0.0))
-    ways = aside[..., None] * normalised(level(ways, up)) + height[..., None] * up
-    at_middles = tops + (upper / np.maximum(whole, SMALLEST))[..., None] * ways
-    moved = np.stack([at_middles - middles, tops + ways - ends], axis=2)
+    height = straight @ up + np.maximum(raised * (low - rise[:, None]), 0.0)
+    width = np.sqrt(np.maximum(whole**2 - height**2, 0.0))
+    straight = width[..., None] * normalised(level(straight, up)) + height[..., None] * up
+    at_middles = tops + (upper / np.maximum(whole, SMALLEST))[..., None] * straight
+    moved = np.stack([at_middles - middles, tops + straight - ends], axis=2)
     return source.with_motion(bent(motion, limbs, moved).moved(np.outer(rise, up)), source.up)
 
 
 def _floor(motion: Motion, leg: Leg, up: Array, length: float) -> Array:
-    """The height of the floor of an ankle, (frames,), with legs of a `length` [file units]."""
+    """The height of the floor under an ankle, (frames,); `length` is that of a leg [file units]."""
     heights = motion.positions[:, leg.ankle] @ up
     rests = np.flatnonzero(feet_at_rest(motion, leg, up, length).any(axis=1))
     floor = np.interp(np.arange(len(motion)), rests, heights[rests]) if len(rests) else heights.min()

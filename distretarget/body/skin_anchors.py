@@ -1,8 +1,8 @@
-"""Anchors: places on the skin of a body that are the same on any other, along the axis of a part and round it.
+"""Anchors: points on the skin that correspond between bodies, by position along a part's axis and angle about it.
 
-Axes are those of `body.segments.frames`, in the reference pose. They end where a bone does, and those of head, hands
-and feet where their skin does. An anchor is where the ray out of the axis, at its angle, leaves the skin for the last
-time; where it meets none, as above a head, the skin that is nearest to the ray.
+Axes are those of `body.segments.part_frames`, in the reference pose. They end with the bone, those of head, hands and
+feet with the skin. An anchor is the outermost point in which the ray from the axis, at its angle, meets the skin; if it
+meets none, as above a head, the point of the skin nearest to the ray.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.build import built
-from distretarget.body.segments import find_segments, frames
+from distretarget.body.build import capsules_by_build
+from distretarget.body.segments import find_segments, part_frames
 from distretarget.contact_entries import Anchor
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
@@ -24,34 +24,34 @@ from distretarget.skin.mesh import SkinnedMesh
 
 PART_OF = {"chest": "trunk", "belly": "trunk", "pelvis": "trunk", "left hand": "left palm", "right hand": "right palm"}
 PARTS = [PART_OF.get(segment, segment) for segment in SEGMENTS]
-TO_SKIN = ("palm", "foot", "head")  # parts whose axes end where their skin does
-BALLS = 33  # that stand for a capsule
-LEAST = 1e-12  # a triangle that is seen at less than this is seen from its edge
+TO_SKIN = ("palm", "foot", "head")  # parts whose axes end with the skin
+BALLS = 33  # balls that stand for a capsule
+LEAST = 1e-12  # a triangle with a smaller determinant is parallel to the ray
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoint:
-    """A place on the skin that moves with joints."""
+    """A point on the skin that moves with joints."""
 
-    joint: int  # that moves it most
-    joints: Numbers  # (n,), those that move it
-    weights: Array  # (n,), their shares, which sum to 1
-    offsets: Array  # (n, 3), where it is from each while that is not turned [file units]
-    out: Array  # (3,), the direction out of the skin, in the axes of that joint
-    along: Array  # (3,), the direction along its part, in these axes
+    joint: int  # the joint of its part that moves it most
+    joints: Numbers  # (n,), the joints that move it
+    weights: Array  # (n,), their skin weights, which sum to 1
+    offsets: Array  # (n, 3), its offset from each of them in the rest pose [file units]
+    normal: Array  # (3,), the direction out of the skin, in the axes of `joint`
+    along: Array  # (3,), the direction along its part, in the axes of `joint`
 
     def places(self, motion: Motion) -> Array:
-        """Return where it is in each frame, (frames, 3) [file units]."""
+        """Return its positions, (frames, 3) [file units]."""
         each = zip(self.joints.tolist(), self.offsets, strict=True)
         moved = [motion.positions[:, joint] + _turns(motion, joint).apply(offset) for joint, offset in each]
         return np.asarray(np.einsum("n,nfi->fi", self.weights, np.array(moved)))
 
-    def outwards(self, motion: Motion) -> Array:
-        """Return the direction out of the skin in each frame, (frames, 3)."""
-        return np.asarray(_turns(motion, self.joint).apply(self.out))
+    def normals(self, motion: Motion) -> Array:
+        """Return the directions out of the skin, (frames, 3)."""
+        return np.asarray(_turns(motion, self.joint).apply(self.normal))
 
-    def onwards(self, motion: Motion) -> Array:
-        """Return the direction along its part in each frame, (frames, 3)."""
+    def axis_directions(self, motion: Motion) -> Array:
+        """Return the directions along its part, (frames, 3)."""
         return np.asarray(_turns(motion, self.joint).apply(self.along))
 
 
@@ -63,12 +63,12 @@ class PartAxes:
     start: Array  # (3,) [file units]
     directions: Array  # (3, 3), along it, to the side and to the front, as rows
     length: float  # [file units]
-    capsules: Numbers  # (capsules,), which have its skin
+    capsules: Numbers  # (capsules,), indices of the capsules of its skin
 
 
 @dataclass(frozen=True, eq=False)
 class AnchoredSkin:
-    """The skin of a body, on which anchors are found: its mesh or, without one, its capsules."""
+    """The skin of a body on which anchors are found: its mesh or, without one, its capsules."""
 
     body: Body
     capsules: Capsules
@@ -76,11 +76,11 @@ class AnchoredSkin:
 
     @classmethod
     def of(cls, body: Body, capsules: Capsules | None, mesh: SkinnedMesh | None = None) -> AnchoredSkin:
-        """Return the skin of a body; an average one for a body without capsules, which has no mesh."""
-        return cls(body, built(body), None) if capsules is None else cls(body, capsules, mesh)
+        """Return the skin of a body; without capsules that of an average body, without a mesh."""
+        return cls(body, capsules_by_build(body), None) if capsules is None else cls(body, capsules, mesh)
 
     def part_of(self, joint: int) -> str:
-        """Return the part with an axis that a joint belongs to; empty for none."""
+        """Return the part that a joint belongs to; empty if it has no axis."""
         segment = int(find_segments(self.body).of_joint[joint])
         return PARTS[segment] if segment >= 0 and PARTS[segment] in self.axes else ""
 
@@ -88,7 +88,7 @@ class AnchoredSkin:
     def axes(self) -> dict[str, PartAxes]:
         """The axes of the parts that have skin, by name."""
         found, of_capsule = dict[str, PartAxes](), np.array(PARTS)[self.capsules.segments]
-        for part, frame in frames(self.body) if self.body.anatomy else ():
+        for part, frame in part_frames(self.body) if self.body.anatomy else ():
             own = np.flatnonzero(of_capsule == part)
             if len(own):
                 far = (self._ends[own] - frame.origin) @ frame.axes[:, 0] + self.capsules.radii[own]
@@ -97,8 +97,8 @@ class AnchoredSkin:
         return found
 
     def axes_at(self, joint: int) -> tuple[Array, Array, float] | None:
-        """Return the start of the axis of the part that a joint belongs to, (3,), from that joint, its directions,
-        (3, 3), as rows, in the axes of the joint, and its length [file units]; None without one.
+        """Return the axis of the part that a joint belongs to, in the axes of the joint: its start, (3,), relative to
+        the joint, its directions, (3, 3), as rows, and its length [file units]; None without an axis.
         """
         axes, pose = self.axes.get(self.part_of(joint)), self.body.reference
         if axes is None:
@@ -107,7 +107,7 @@ class AnchoredSkin:
         return back.apply(axes.start - pose.positions[joint]), back.apply(axes.directions), axes.length
 
     def point(self, joint: int, anchor: Anchor) -> SkinPoint | None:
-        """Return an anchor on the part that a joint belongs to; None where that has no axis."""
+        """Return the point of an anchor on the part that a joint belongs to; None if the part has no axis."""
         axes = self.axes.get(self.part_of(joint))
         if axes is None:
             return None
@@ -134,7 +134,7 @@ class AnchoredSkin:
 
     @cached_property
     def _vertices(self) -> Array:
-        """(vertices, 3), those of the mesh in the reference pose."""
+        """(vertices, 3), the vertices of the mesh in the reference pose."""
         assert self.mesh
         joints, pose = self.mesh.joints, self.body.reference
         off = self.mesh.vertices[:, None] - self.body.skeleton.rest_positions[joints]
@@ -142,7 +142,7 @@ class AnchoredSkin:
         return np.asarray(np.einsum("vk,vki->vi", self.mesh.weights, turned + pose.positions[joints]))
 
     def _on_capsules(self, axes: PartAxes, start: Array, ray: Array) -> tuple[Numbers, Array, Array]:
-        """The joint that moves the skin on a ray, 1, and the place in the rest pose, (1, 3)."""
+        """The joint that moves the capsule's skin on a ray, its weight 1, and the point in the rest pose, (1, 3)."""
         t = np.linspace(0.0, 1.0, BALLS)[:, None]
         ends, radii = self._ends[axes.capsules], self.capsules.radii[axes.capsules]
         centres = ((1.0 - t) * ends[:, None, 0] + t * ends[:, None, 1]).reshape(-1, 3)
@@ -160,7 +160,7 @@ class AnchoredSkin:
         return np.array([joint]), np.ones(1), (self.body.skeleton.rest_positions[joint] + own)[None]
 
     def _on_mesh(self, axes: PartAxes, start: Array, ray: Array) -> tuple[Numbers, Array, Array] | None:
-        """The joints that move the skin on a ray, their shares, and the places that they move; None without skin."""
+        """The joints that move the mesh on a ray, their weights and points in the rest pose; None without triangles."""
         assert self.mesh
         mesh, segments = self.mesh, find_segments(self.body).of_joint[self.mesh.carriers]
         on_part = np.array([*(part == axes.part for part in PARTS), False])[segments]
@@ -170,18 +170,19 @@ class AnchoredSkin:
         corner, b, c = np.moveaxis(self._vertices[own], 1, 0)
         one, other, off = b - corner, c - corner, start - corner
         across = cross(np.broadcast_to(ray, other.shape), other)
-        seen = (one * across).sum(axis=1)
-        seen = np.where(np.abs(seen) > LEAST, seen, np.inf)
+        determinant = (one * across).sum(axis=1)
+        determinant = np.where(np.abs(determinant) > LEAST, determinant, np.inf)
         turned = cross(off, one)
-        u, v, far = (off * across).sum(axis=1) / seen, turned @ ray / seen, (turned * other).sum(axis=1) / seen
+        u, v = (off * across).sum(axis=1) / determinant, turned @ ray / determinant
+        far = (turned * other).sum(axis=1) / determinant
         meets = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (far > 0.0)
         if meets.any():
             n = int(np.where(meets, far, -np.inf).argmax())
             vertices, shares = own[n], np.array([1.0 - u[n] - v[n], u[n], v[n]])
         else:
-            way = self._vertices[own] - start
-            way -= np.maximum(way @ ray, 0.0)[..., None] * ray
-            vertices, shares = own.reshape(-1)[[lengths(way).argmin()]], np.ones(1)
+            off_ray = self._vertices[own] - start
+            off_ray -= np.maximum(off_ray @ ray, 0.0)[..., None] * ray
+            vertices, shares = own.reshape(-1)[[lengths(off_ray).argmin()]], np.ones(1)
         weights = shares[:, None] * mesh.weights[vertices]
         on = weights > 0.0
         return mesh.joints[vertices][on], weights[on], np.repeat(mesh.vertices[vertices], on.sum(axis=1), axis=0)

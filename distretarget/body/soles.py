@@ -20,23 +20,23 @@ from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
 
-PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average lie flat [rad]
-ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average lie flat [rad]
-LEVEL = 0.03  # a sole that rests nearer to a level floor than this lies on it; from twice this on not [leg lengths]
+PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average are flat [rad]
+ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average are flat [rad]
+LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, and not from twice this on [leg lengths]
 GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
-SURELY = 0.65  # it is if this share of them is nearer to it than `LEVEL`, and
-HARDLY = 0.4  # it is not if it is no more than this
+LEVEL_SHARE = 0.65  # it is level if at least this share of them is nearer than `LEVEL`,
+UNEVEN_SHARE = 0.4  # and it is not if at most this share is
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 
 
 @dataclass(frozen=True, eq=False)
 class Sole:
-    """The sole of a foot, in the axes of its ankle: level with the lowest of the foot's joints and End Sites."""
+    """The sole of a foot, in the axes of its ankle: a plane through the lowest of the foot's joints and End Sites."""
 
     joints: Numbers  # (joints,), the ankle, and the joints and End Sites of the foot below it
-    points: Array  # (joints, 3), their places relative to the ankle [file units]
+    points: Array  # (joints, 3), their positions relative to the ankle [file units]
     normal: Array  # (3,), the unit vector up from the floor while the foot stands flat
-    known: bool  # whether rest pose, motion or the other body show how the foot stands; if not, it has the usual pitch
+    known: bool  # whether rest pose, motion or the other body show the flat foot; if not, it has the usual pitch
 
     @cached_property
     def heights(self) -> Array:
@@ -51,7 +51,7 @@ class Sole:
 
     @property
     def at_ankle(self) -> Sole:
-        """The sole of a leg that ends at the ankle."""
+        """The sole of the ankle alone, for a leg without a foot."""
         return replace(self, joints=self.joints[:1], points=self.points[:1])
 
     @cached_property
@@ -61,7 +61,7 @@ class Sole:
 
     @property
     def pitch(self) -> float:
-        """How far the foot points upwards [rad]."""
+        """The angle by which the foot points upwards [rad]."""
         return float(np.arcsin(np.clip(self.direction @ self.normal, -1.0, 1.0)))
 
     def pitched(self, pitch: float) -> Sole:
@@ -94,14 +94,14 @@ def find_soles(
 
 
 def with_normals(soles: Sequence[Sole], normals: Sequence[Array]) -> tuple[Sole, Sole]:
-    """Return the soles of both feet with these normals, (3,) each, which are known."""
+    """Return the soles of both feet with these normals, (3,) each, marked as known."""
     left, right = (replace(sole, normal=normal, known=True) for sole, normal in zip(soles, normals, strict=True))
     return left, right
 
 
 def with_resting_feet(pose: Pose, body: Body, legs: Legs) -> Pose:
-    """Return a pose of a body with what is below the ankles turned as it is on average while the feet rest in the
-    body's motion; the same below an ankle whose foot never rests.
+    """Return a pose of a body with the joints below the ankles at their mean while the feet rest in the body's motion;
+    they are unchanged if a foot never rests.
     """
     motion, length = body.motion, leg_length(body.skeleton, legs)
     if motion is None:
@@ -136,7 +136,7 @@ def _reference_sole(body: Body, leg: Leg, pose: Pose) -> Sole:
 
 
 def _resting_sole(body: Body, leg: Leg, length: float, pose: Pose) -> Sole | None:
-    """The sole as its foot rests in the motion, with legs of a `length` [file units]; None where it never does."""
+    """The sole from the frames in which its foot rests, with legs of a `length` [file units]; None if it never does."""
     if body.motion is None or len(body.motion) < 2:
         return None
     at_rest = _at_rest(body.motion, leg, body.up_vector, length)
@@ -153,7 +153,7 @@ def _sole(body: Body, leg: Leg, pose: Pose, normal: Array, known: bool) -> Sole:
 
 
 def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array, Array] | None:
-    """The medians of up and of the way to the toe, (3,) each in the ankle's axes, as a foot rests; None if never."""
+    """The medians of up and of the vector to the toe while a foot rests, in the ankle's axes; None if it never does."""
     resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1))
     if not len(resting):
         return None
@@ -164,11 +164,11 @@ def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array,
 
 
 def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Array) -> tuple[Array, Array]:
-    """Return the normals of the soles of both legs as feet rest in a motion, (3,) each, in the axes of the ankles.
+    """Return the normals of the soles of both legs from resting feet of a motion, (3,) each, in the axes of the ankles.
 
-    Feet rest on the floor, but rest poses do not always show how: rigs whose legs are splayed there stand on the edges
-    of their feet. The median of up while ankle and toe rest is taken, as far as it is up to `PITCH` and `ROLL` off the
-    `soles` as known otherwise; of more, less is, and nothing from twice that on: feet may stand on their toes.
+    Rest poses do not always show flat feet: rigs with splayed legs stand on the edges of their feet. The normal is the
+    median of up while ankle and toe rest, if its angles to the given `soles` are at most `PITCH` and `ROLL`. Larger
+    angles are faded out, to 0 at twice these limits, as feet may rest on their toes.
     """
     left, right = (
         _resting_normal(motion, leg, sole.normal, up, leg_length(motion.skeleton, legs))
@@ -191,8 +191,8 @@ def _resting_normal(motion: Motion, leg: Leg, normal: Array, up: Array, length: 
 
 
 def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
-    """Return the height of the lowest point of a sole over a motion, (frames,) [file units]. The points are beneath the
-    joints of the foot, as far as while it stands flat; a foot on its back has its joints.
+    """Return the height of the lowest point of a sole in a motion, (frames,) [file units]. Each joint of the foot has a
+    point below it, by its height in a flat foot; in a foot turned upside down the points are the joints.
     """
     upwards = Rotation.from_quat(motion.world_rotations_of(sole.joints.item(0))).apply(sole.normal) @ up
     points = heights_of(motion.positions, sole.joints, up) - np.outer(np.maximum(upwards, 0.0), sole.heights)
@@ -200,19 +200,19 @@ def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
 
 
 def floor_height(heights: Array, rests: Flags) -> float:
-    """Return the floor's height from soles', which rest or not, (frames, legs) each; infinite if none does."""
+    """Return the floor's height from the heights of soles that rest, both (frames, legs); infinite if none rests."""
     medians = [np.median(sole[on]) for sole, on in zip(heights.T, rests.T, strict=True) if on.any()]
     return float(np.mean(medians)) if medians else np.inf
 
 
 def level_on_floor(heights: Array, floor: float, rests: Flags, length: float) -> Array:
-    """Return the heights of soles, (frames, legs), with those on a floor of this height where it is level:
-    floor + f(height - floor), f(d) = d smoothstep(|d| / `LEVEL` - 1). On a slope nothing changes, nor on steps.
-    `rests`, (frames, legs), says which soles rest; `length` is that of a leg.
+    """Return the heights of soles, (frames, legs), with soles near a level floor set to its height, `floor`:
+    floor + f(height - floor), f(d) = d smoothstep(|d| / `LEVEL` - 1). On slopes and steps nothing changes.
+    `rests`, (frames, legs), are the soles that rest; `length` is that of a leg.
     """
     off = np.abs(heights - floor) / length
     near = off[rests & (off <= GROUND)]
     if not len(near):
         return heights
-    is_level = smoothstep((np.mean(near <= LEVEL, keepdims=True) - HARDLY) / (SURELY - HARDLY))
+    is_level = smoothstep((np.mean(near <= LEVEL, keepdims=True) - UNEVEN_SHARE) / (LEVEL_SHARE - UNEVEN_SHARE))
     return np.asarray(heights - is_level * (heights - floor) * (1.0 - smoothstep(off / LEVEL - 1.0)))

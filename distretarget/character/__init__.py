@@ -1,1 +1,1 @@
-"""Characters: nodes with skins and animations, as files hold them, and the skeletons and motions that they are."""
+"""Characters: nodes with skins and animations, as in files, and the skeletons and motions made of them."""

@@ -1,4 +1,4 @@
-"""Animations with keys: which of a file is asked for, at which rate its frames are, and at which times.
+"""Keyframe animations: the choice of one in a file, its frame rate, and the times of its frames.
 
 The process that reads FBX imports this, so it imports nothing that takes long.
 """
@@ -15,16 +15,16 @@ from distretarget.errors import FileError, closest, cut, quoted
 from distretarget.numerics.vectors import Array
 
 USUAL_RATES = (24, 25, 30, 48, 50, 60, 90, 100, 120, 200, 240)  # usual frame rates [frames/s]
-LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are no frames [frames/s]
-IRREGULAR_RATE = 60.0  # of keys that are on no such grid [frames/s]
-ON_GRID = 0.02  # a key is on a grid within this [frames]
+LEAST_RATE, MOST_RATE = 9.9, 1000.0  # keys at other rates are not one per frame [frames/s]
+IRREGULAR_RATE = 60.0  # the rate for keys that fit none [frames/s]
+ON_GRID = 0.02  # a key this near to a frame is on it [frames]
 SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times are float32
 
 
 def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -> int | None:
-    """Return the number of the animation named `clip`, or of the only one; None where a file has none and none is
-    asked for. "#2" stands for the second, for animations without a name of their own. A FileError if there is no such
-    animation, or if there are several and none is asked for.
+    """Return the index of the animation named `clip`, or of the only one if `clip` is None; None if the file has none.
+    "#2" is the second, for animations without a unique name. A FileError if there is no such animation, or if `clip` is
+    None and there are several.
     """
     times = Counter(names)
     shown = [name if name and times[name] == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
@@ -41,7 +41,7 @@ def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -
 
 
 def frame_count(keys: Array, rate: float) -> float:
-    """Return how many frames keys at some times last; it may be too many for an integer."""
+    """Return the number of frames from the first to the last key; a float, as it may be huge."""
     return float(np.floor((keys[-1] - keys[0]) * rate + ON_GRID) + 1.0)
 
 
@@ -55,8 +55,8 @@ def frame_times(keys: Array, rate: float) -> Array:
 
 
 def own_rate(keys: Array, stated: float | None = None) -> float:
-    """Return the frame rate of keys at some times, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` on
-    whose frames all of them are, else the rate that the file has `stated`, or a usual one [frames/s].
+    """Return the frame rate of keys, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` whose frames include
+    all keys, else the rate `stated` in the file, or a usual one [frames/s].
     """
     steps = np.diff(keys)
     steps = steps[steps > SAME_KEY]
@@ -75,7 +75,7 @@ def own_rate(keys: Array, stated: float | None = None) -> float:
 def _refined(keys: Array, rate: float) -> float:
     """The rate that fits all keys best."""
     frames = np.rint((keys - keys[0]) * rate)
-    for _ in range(3):  # a rough rate counts late frames wrong; each fit reaches farther
+    for _ in range(3):  # frame numbers by a rough rate are wrong late in the clip; each fit extends the right ones
         near = np.abs((keys - keys[0]) * rate - frames) < 0.25
         last = len(near) - 1 if near.all() else int(near.argmin()) - 1
         if frames[last] > 0:
@@ -85,6 +85,6 @@ def _refined(keys: Array, rate: float) -> float:
 
 
 def is_on_grid(keys: Array, rate: float) -> bool:
-    """Return whether all keys, ascending [s], are on frames of a rate that begin with the first."""
+    """Return whether all keys, ascending [s], are on frames of a rate, counted from the first key."""
     frames = (keys - keys[0]) * rate
     return bool((np.abs(frames - np.rint(frames)) < ON_GRID).all())

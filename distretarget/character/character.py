@@ -1,15 +1,15 @@
-"""Characters: a skeleton whose joints are nodes of a file, and the way from their transforms to its motion and back.
+"""Characters: a skeleton whose joints are nodes of a file; conversion of node transforms to its motion and back.
 
-A node's own axes are arbitrary, and so is the space that it is in; a joint of the skeleton has no rotation in the bind
-pose, as in BVH. Let Q_j be the rotation of node j in the world in the bind pose, b_j and r_j its rotations relative to
+A node's axes are arbitrary, and so are its parent's; a joint of the skeleton has no rotation in the bind pose, as in
+BVH. Let Q_j be the rotation of node j in the world in the bind pose, b_j and r_j its rotations relative to
 its parent p, in the bind pose and in a frame. Then the rotation of the joint is q_j = Q_p (r_j b_j^-1) Q_p^-1, and that
 of the node r_j = Q_p^-1 q_j Q_p b_j. Uniform scales drop out, and so does mirroring, a scale of -1.
 
 A rig that Rigify has generated in Blender has three copies of each bone: DEF- deforms the mesh, ORG- is the original,
-and MCH- belongs to the mechanism. In Blender constraints hold the DEF- bones together, and a file has no constraints:
-their tree is that of the originals, and "DEF-thigh.L", which hangs from "ORG-spine", hangs from "DEF-spine". A file
-without the originals does not show it; then the bones hang as they do in Rigify's rigs of people. Other rigs have feet
-that hang from the root beside the body, since IK moved them there; they hang from the shins.
+and MCH- belongs to the mechanism. In Blender constraints hold the DEF- bones together, which a file does not have. So
+they get the tree of the originals: "DEF-thigh.L", which hangs from "ORG-spine", gets the parent "DEF-spine". In a
+file without originals they get the parents that they have in Rigify's rigs of people. Feet that hang from the root, as
+in rigs with baked IK, are attached to the shins.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.beside import Tree, in_tree, limbs_on_body
+from distretarget.body.tree_repairs import Reparented, attached_limbs, reparented
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion, in_float32, single_precision
@@ -33,12 +33,13 @@ from distretarget.skeleton import LARGEST, POSITION_CHANNELS, ROTATION_CHANNELS,
 IDENTITY = [0.0, 0.0, 0.0, 1.0]
 
 BLOCK = 65536  # poses that are computed at once [frames x joints]
-FREE_POSES = 1_000_000  # so many poses of joints may a file have, however small it is [frames x joints]
-SAME_PLACE = 1e-6  # a node that is off by less than this needs no keys of its translation [body sizes]
+FREE_POSES = 1_000_000  # even the smallest file may have this many poses of joints [frames x joints]
+SAME_PLACE = 1e-6  # a node that moves less than this needs no keys of its translation [body sizes]
 SAME_TURN = 1e-12  # a node needs no keys of its rotation if 1 - |dot product of quaternions| stays below this
 DEFORMS, ORIGINAL = "DEF-", "ORG-"
 NUMBER = re.compile(r"_\d+$")  # at the end of all names in Sketchfab's files
-# From what bones hang in Rigify's rigs of people, by word; those of the face hang from the last joint of the spine.
+# The parents of bones in Rigify's rigs of people, by the first word of the name; that of bones of the face is the last
+# joint of the spine.
 HANGS_FROM = {
     **dict.fromkeys(("pelvis", "thigh"), "spine"),
     **dict.fromkeys(("shoulder", "breast"), "spine.003"),
@@ -53,13 +54,13 @@ class Character:
     """A skeleton whose joints are nodes of a file."""
 
     skeleton: Skeleton  # in the bind pose, in the world of the file [file units]
-    nodes: NDArray[np.intp]  # those that matter: the line of nodes above the root, from the top, then the joints'
-    shown: Nodes  # the same, as the file shows them
-    binds: Array  # (nodes, 4), their rotations in the world in the bind pose, Q; above the root, as shown
-    locals: Array  # (nodes, 4), the same relative to their parents, b
+    nodes: NDArray[np.intp]  # the nodes above the root, from the top, then the node of each joint
+    shown: Nodes  # these nodes with their transforms in the file
+    binds: Array  # (nodes, 4), their world rotations in the bind pose, Q; those above the root as in the file
+    locals: Array  # (nodes, 4), their rotations relative to the parent in the bind pose, b
     scales: Array  # (nodes,), their scales in the world; negative where they mirror
-    origin: Array  # (3,), the place of the node above the root; 0 where there is none [file units]
-    warnings: tuple[str, ...]  # what of the file is not kept, a line each
+    origin: Array  # (3,), the position of the node above the root; 0 if there is none [file units]
+    warnings: tuple[str, ...]  # a line on each thing in the file that is lost
 
     @property
     def joint_nodes(self) -> NDArray[np.intp]:
@@ -68,7 +69,7 @@ class Character:
 
     @property
     def bind_transforms(self) -> Mapping[int, Array]:
-        """The transform in the world, (4, 4), of each of the nodes in the bind pose, the skeleton's rest pose."""
+        """The world transform, (4, 4), of each of the nodes in the bind pose, the skeleton's rest pose."""
         transforms = replace(self.shown, rotations=self.locals).transforms
         places = self.skeleton.rest_positions + self.skeleton.offsets[0]
         for node, parent in enumerate(self.shown.parents.tolist()):
@@ -80,12 +81,12 @@ class Character:
 
     @property
     def _above(self) -> int:
-        """How many nodes are above the root."""
+        """The number of nodes above the root."""
         return len(self.nodes) - len(self.skeleton)
 
     @property
     def _parent_binds(self) -> Rotation:
-        """(nodes,), the rotation of each node's parent in the world in the bind pose."""
+        """(nodes,), the world rotation of each node's parent in the bind pose."""
         return Rotation.from_quat(np.vstack([self.binds, IDENTITY])[self.shown.parents])
 
     @property
@@ -105,7 +106,7 @@ class Character:
             rotations[block], moved[block] = self._local(animation, block)
         if not extent(moved) <= LARGEST:
             raise FileError("", f"its animation leads beyond {LARGEST:g}; expected smaller translations")
-        offsets = self.skeleton.offsets  # at which those joints are that are there but for rounding
+        offsets = self.skeleton.offsets  # the translations of joints that are at them but for rounding
         away = [lengths(moved[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
         still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
         still[0] = False
@@ -151,7 +152,7 @@ class Character:
         return Animation(name, len(motion), motion.frame_time_text, moves, turns, posed=posed)
 
     def in_single_precision(self, motion: Motion) -> Motion:
-        """Return a motion with numbers rounded as in the file: the path from the node above the root."""
+        """Return a motion rounded to float32 as in the file, where the path is relative to the node above the root."""
         parent, scale = self._parent_binds[self._above], self._parent_scales[self._above]
         path = parent.inv().apply(motion.root_positions - self.origin) / scale
         return replace(single_precision(motion), root_positions=parent.apply(in_float32(path) * scale) + self.origin)
@@ -159,12 +160,12 @@ class Character:
 
 @dataclass(frozen=True, eq=False)
 class DeformCharacter(Character):
-    """A character whose skeleton has some of its nodes, in another tree than the file's. Controls stay as the file
-    shows them; a bone that hangs from one gets keys of its translation as well, so that the mesh does not tear.
+    """A character whose skeleton has some of the nodes as joints, in another tree than the file's. Control bones stay
+    as in the file; a bone whose parent is one gets keys of its translation as well, so that the mesh does not tear.
     """
 
-    whole: Character  # with all nodes as joints
-    bones: NDArray[np.intp]  # (joints,), the joints of the whole character that are joints of this one
+    whole: Character  # the character with all nodes as joints
+    bones: NDArray[np.intp]  # (joints,), the joint of the whole character that each joint is
 
     @property
     def joint_nodes(self) -> NDArray[np.intp]:
@@ -173,18 +174,18 @@ class DeformCharacter(Character):
 
     @property
     def bind_transforms(self) -> Mapping[int, Array]:
-        """The transform in the world, (4, 4), of each of the file's nodes that matter in the bind pose."""
+        """The `bind_transforms` of the whole character."""
         return self.whole.bind_transforms
 
     def motion(self, animation: Animation, size: int) -> Motion:
         """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
-        return Tree(self.skeleton, self.bones).motion(self.whole.motion(animation, size))
+        return Reparented(self.skeleton, self.bones).motion(self.whole.motion(animation, size))
 
     def animation(self, motion: Motion, name: str) -> Animation:
         """Return a motion of the skeleton as an animation of the nodes that turn or move."""
         skeleton = self.whole.skeleton
         above, places = self._above_in_file(motion)
-        rotations = np.tile(skeleton.unturned, (len(motion), 1, 1))
+        rotations = np.tile(skeleton.rest_rotations, (len(motion), 1, 1))
         translations = np.tile(skeleton.offsets, (len(motion), 1, 1))
         rotations[:, self.bones] = (above.inv() * Rotation.from_quat(motion.world_rotations)).as_quat()
         translations[:, self.bones] = above.inv().apply(motion.positions - places)
@@ -192,12 +193,12 @@ class DeformCharacter(Character):
         return self.whole.animation(moved, name)
 
     def _above_in_file(self, motion: Motion) -> tuple[Rotation, Array]:
-        """The rotation in the world of the node from which each bone hangs in the file, and its place, (frames, joints,
-        3); these nodes move with the nearest bone above them, or not at all.
+        """The world rotation of the parent node of each bone in the file, and its position, (frames, joints, 3). These
+        nodes move with the nearest bone above them, or not at all.
         """
         skeleton = self.whole.skeleton
         joints = {bone: joint for joint, bone in enumerate(self.bones.tolist())}
-        lines = [skeleton.line(bone)[1:] for bone in joints]
+        lines = [skeleton.to_root(bone)[1:] for bone in joints]
         parents = np.array([line[0] if line else -1 for line in lines])
         bearers = np.array([next((joints[bone] for bone in line if bone in joints), -1) for line in lines])
         rest = np.vstack([skeleton.rest_positions + skeleton.offsets[0], np.zeros(3)])
@@ -209,7 +210,7 @@ class DeformCharacter(Character):
 
 
 def with_deform_bones(character: Character) -> Character:
-    """Return the character of the bones that deform, where the file has them among controls; else the same."""
+    """Return the character with deform bones (`DEF-`) as joints if the file has them among controls; else the same."""
     whole = character.skeleton
     tree = {} if whole.humanoid else dict(deform_tree(whole.names, whole.parents.tolist()))
     if not tree:
@@ -218,24 +219,24 @@ def with_deform_bones(character: Character) -> Character:
         tree = {bone: max(parent, 0) for bone, parent in tree.items()} | {0: -1}
     turns = {bone: tuple(each for each in whole.channels[bone] if each in ROTATION_CHANNELS) for bone in tree}
     root = next(bone for bone, parent in tree.items() if parent < 0)
-    return _by(character, in_tree(whole, tree, turns | {root: (*POSITION_CHANNELS, *turns[root])}))
+    return _reparented(character, reparented(whole, tree, turns | {root: (*POSITION_CHANNELS, *turns[root])}))
 
 
-def with_limbs_on_body(character: Character) -> Character:
-    """Return the character with feet and hands that are beside the body in the file on shins and forearms."""
-    tree = limbs_on_body(character.skeleton)
-    return _by(character, tree) if tree else character
+def with_attached_limbs(character: Character) -> Character:
+    """Return the character with feet and hands attached to shins and forearms if they are not in the file."""
+    tree = attached_limbs(character.skeleton)
+    return _reparented(character, tree) if tree else character
 
 
-def _by(character: Character, tree: Tree) -> DeformCharacter:
-    """The character by the joints of a tree."""
+def _reparented(character: Character, tree: Reparented) -> DeformCharacter:
+    """The character with a reparented skeleton."""
     same = {entry.name: getattr(character, entry.name) for entry in fields(character)}
     return DeformCharacter(**same | {"skeleton": tree.skeleton}, whole=character, bones=tree.joints)
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
-    """Return the deform bone (`DEF-`) above each, -1 for none, from the names of bones and their parents in any order;
-    empty for a rig without deform bones, or one in which they are a tree by themselves.
+    """Return the parent deform bone (`DEF-`) of each deform bone, -1 for none, from the names of all bones and their
+    parents, in any order; empty for a rig without deform bones, or one whose own tree has these parents.
     """
     plain = [NUMBER.sub("", name) for name in names] if all(map(NUMBER.search, names[1:])) else names
     deforming = {name.removeprefix(DEFORMS): bone for bone, name in enumerate(plain) if name.startswith(DEFORMS)}
@@ -253,7 +254,7 @@ def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, in
 
 
 def _above(bone: int, parents: Sequence[int], known: Mapping[int, int]) -> int:
-    """The bone for which the next known one above a bone stands; -1 without one."""
+    """The deform bone, by `known`, of the nearest known ancestor that stands for another bone; -1 without one."""
     above = parents[bone]
     while above >= 0 and known.get(above, bone) == bone:
         above = parents[above]
@@ -261,7 +262,7 @@ def _above(bone: int, parents: Sequence[int], known: Mapping[int, int]) -> int:
 
 
 def _usual_parent(name: str, names: Iterable[str]) -> str:
-    """The bone, without prefix, from which one hangs in Rigify's rigs of people; empty if it hangs from none."""
+    """The parent of a bone in Rigify's rigs of people, both without prefix; empty for none."""
     word, *marks = name.split(".")
     if word in OF_FACE:
         return max((other for other in names if other.startswith("spine")), default="")

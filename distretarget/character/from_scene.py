@@ -1,8 +1,8 @@
-"""The character of a file: which nodes are its joints, where the mesh was bound to them, and the skeleton.
+"""The character of a file: the nodes that are its joints, their bind pose, and the skeleton.
 
-A skin states the bind pose as inverse bind matrices, from the mesh's space to each joint's. Where that space is in the
-world, no file states: the transform of the mesh's node does not count (glTF 2.0 specification, section 3.7.3.3). It is
-found from the joints that show their bind pose.
+A skin states the bind pose as inverse bind matrices, from the mesh's space to each joint's. Files do not state where
+the mesh's space is in the world: the transform of the mesh's node does not count (glTF 2.0 specification, section
+3.7.3.3). It is found from joints that have their bind pose in the file.
 """
 
 from __future__ import annotations
@@ -19,32 +19,32 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree
 from distretarget.body.recognition import by_names
-from distretarget.character.character import Character, with_deform_bones, with_limbs_on_body
+from distretarget.character.character import Character, with_attached_limbs, with_deform_bones
 from distretarget.character.nodes import CharacterScene, Nodes, SkinBinding
 from distretarget.errors import FileError, counted, cut, in_file, quoted
 from distretarget.numerics.rotations import nearest_rotations
 from distretarget.numerics.vectors import Array
-from distretarget.skeleton import LARGEST, SMALLEST, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, LARGEST, SMALLEST, Skeleton
 
 MOST_JOINTS = 4096  # of a character, with the nodes above: skeletons have matrices of joints x joints
 AGREE = 1e-3  # two transforms agree if they differ by less than this [of their scale, and of the body]
-SHARE = 0.5  # a transform on which this share of the joints agrees is that of the mesh's space
+SHARE = 0.5  # the mesh's space is one on which at least this share of the joints agrees
 REGULAR = 1e-9  # a matrix with a smaller determinant has no inverse [of its largest entry, cubed]
 LONGEST_NAME = 200  # of a joint [characters]
-NEAR_SHOWN = 1e-4  # a node whose bind pose differs by less than this from what it shows shows it [body sizes, rad]
+NEAR_SHOWN = 1e-4  # bind poses that differ by less from the file's pose are set to that [body sizes, rad]
 FLAT = 1e-6  # axes that are shorter have the length 0 [of the longest axis of the node]
-UNEVEN = 1e-3  # axes whose scales differ by more than this are scaled unevenly; a scale that changes more is animated
+UNEVEN = 1e-3  # the axes of unevenly scaled nodes differ by more than this; an animated scale changes by more
 
 
 def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str, ...]]:
-    """Return the nodes above the root, from the top, and those that are joints, parents before children; and a warning
-    if the file has other skeletons. Joints are the nodes of skins and humanoid, without these those with names of the
-    parts of a body, or else those that an animation turns; and those between. A FileError if there are none, too many,
-    or no common root.
+    """Return the nodes above the root, from the top; the nodes that are joints, parents before children; and a warning
+    if the file has other skeletons. Joints are the nodes of skins and humanoid, or without these the nodes with names
+    of the parts of a body, or else the nodes that an animation rotates; and all nodes between. A FileError if there are
+    no joints, too many, or no common root.
     """
     nodes = scene.nodes
     wanted, left_out = _wanted(scene)
-    above, carried = [_meeting(wanted, nodes)], _carried(wanted, nodes)
+    above, carried = [_common_ancestor(wanted, nodes)], _carried(wanted, nodes)
     while (parent := nodes.parents.item(above[-1])) >= 0:
         above.append(parent)
     are_above = set(above[1:])
@@ -56,7 +56,7 @@ def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str,
 
 
 def _carried(some: Iterable[int], nodes: Nodes) -> list[int]:
-    """How many of some nodes each node of the forest carries, itself included."""
+    """The number of some nodes in the subtree of each node of the forest, itself included."""
     parents, counts = nodes.parents.tolist(), [0] * len(nodes)
     for node in some:
         counts[node] = 1
@@ -66,8 +66,8 @@ def _carried(some: Iterable[int], nodes: Nodes) -> list[int]:
     return counts
 
 
-def _meeting(some: Collection[int], nodes: Nodes) -> int:
-    """The lowest node from which all of some different nodes hang; -1 if there is none."""
+def _common_ancestor(some: Collection[int], nodes: Nodes) -> int:
+    """The lowest common ancestor of some different nodes, which may be one of them; -1 if there is none."""
     counts = _carried(some, nodes)
     return next((node for node in reversed(nodes.top_down) if counts[node] == len(some)), -1)
 
@@ -82,7 +82,7 @@ def _branches(above: int, nodes: Nodes) -> list[int]:
 
 
 def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
-    """The nodes that are joints for certain, and a warning of other skeletons: those without a branch of the first."""
+    """The nodes that are joints in any case, and a warning of other skeletons, which share no branch with these."""
     groups = [list(scene.humanoid.values()), *(skin.joints.tolist() for skin in scene.skins)]
     if not any(groups):
         groups = [_named(scene.nodes) or [*(scene.animation.rotations if scene.animation else ())]]
@@ -90,17 +90,17 @@ def _wanted(scene: CharacterScene) -> tuple[list[int], tuple[str, ...]]:
     if not every:
         found = "has no skin, no VRM humanoid, and no nodes with the names of a body"
         raise FileError(scene.path, f"{found}; expected a character")
-    skeletons = _skeletons(groups, _branches(_meeting(every, scene.nodes), scene.nodes))
+    skeletons = _skeletons(groups, _branches(_common_ancestor(every, scene.nodes), scene.nodes))
     chosen = next((each for each in skeletons if groups[0] and groups[0][0] in each), max(skeletons, key=len))
     others = [scene.nodes.names[next(iter(each))] for each in skeletons if each is not chosen]
-    if _meeting(chosen, scene.nodes) < 0:
+    if _common_ancestor(chosen, scene.nodes) < 0:
         raise FileError(scene.path, "the joints of its skin hang from no common node; expected a single skeleton")
     notes = [f"{counted(len(others), 'other skeleton')} in the file stays as it is: {quoted(others)}"] if others else []
     return [node for node in every if node in chosen], tuple(notes)
 
 
 def _skeletons(groups: Sequence[Sequence[int]], branches: Sequence[int]) -> list[dict[int, None]]:
-    """Groups of nodes, joined where they have nodes on the same branch, as the keys of dictionaries, in order."""
+    """Groups of nodes, merged where they have nodes on the same branch, as keys of dictionaries, in order."""
     groups = [group for group in groups if group]
     pairs = [(number, branches[node]) for number, group in enumerate(groups) for node in group]
     numbers, shared = np.array(pairs).T
@@ -123,8 +123,8 @@ def _named(nodes: Nodes) -> list[int]:
 
 
 def bind_poses(nodes: Nodes, skins: Sequence[SkinBinding]) -> dict[int, Array]:
-    """Return the transform in the world, (4, 4), of each joint of the skins in the bind pose. Where several skins have
-    a joint, the one that reaches highest decides, and the largest of these; the others are bound where it is.
+    """Return the world transform, (4, 4), of each joint of the skins in the bind pose. If several skins have a joint,
+    the skin with the topmost joint decides, of several the largest; the others are placed to match.
     """
     found: dict[int, Array] = {}
     depth = np.argsort(nodes.top_down)
@@ -155,29 +155,28 @@ def are_regular(matrices: Array) -> NDArray[np.bool_]:
 
 
 def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
-    """The transform of the mesh's space to the world, (4, 4), from the transforms that the nodes with the `meshes`,
-    (nodes, 4, 4), and the joints, (joints, 4, 4), topmost first, have in the file, and the inverse bind matrices of the
-    joints.
+    """The transform of the mesh's space to the world, (4, 4), from the file's world transforms of the nodes with the
+    meshes, (nodes, 4, 4), and of the joints, `shown`, (joints, 4, 4), topmost first, and inverse bind matrices.
 
-    For a joint in its bind pose, the product of the latter two is that space. If it is the world's or a mesh's node's
-    for the topmost joint, it decides: a bent spine takes all joints above it along. Else the joints with the same
-    product decide; where most are in another pose, that of these spaces which is nearest to the product of the topmost
-    joint.
+    A joint in its bind pose implies that space: its transform times its inverse bind matrix. If the topmost joint
+    implies the world's space or that of a mesh's node, this is taken: a bent spine takes all joints above it along.
+    Else the space that most joints imply is taken; if most joints imply different ones, the world's or a mesh's node's
+    that is nearest to that of the topmost joint.
     """
-    said = shown @ inverse_binds
+    implied = shown @ inverse_binds
     extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
-    scale = float(np.median(_scales(said)))
+    scale = float(np.median(_scales(implied)))
     spaces: tuple[Array, ...] = (np.eye(4), *_spread(meshes))
     known = [space for space in spaces if abs(_scales(space[None])[0] / scale - 1) < AGREE]
     for space in known:
-        if _agree(said[:1], space, scale, extent)[0]:
+        if _agree(implied[:1], space, scale, extent)[0]:
             return space
-    likely: list[Array] = [*known, *_spread(said)]
-    counts = [int(_agree(said, space, scale, extent).sum()) for space in likely]
+    likely: list[Array] = [*known, *_spread(implied)]
+    counts = [int(_agree(implied, space, scale, extent).sum()) for space in likely]
     most = max(counts)
     if most >= SHARE * len(shown):
         return likely[counts.index(most)]
-    first: Array = said[0]
+    first: Array = implied[0]
     return min(known or [first], key=lambda each: float(np.linalg.norm(each[:3, :3] - first[:3, :3])))
 
 
@@ -185,21 +184,21 @@ def _scales(spaces: Array) -> Array:
     return np.asarray(np.cbrt(np.abs(np.linalg.det(spaces[:, :3, :3]))))
 
 
-def _agree(said: Array, space: Array, scale: float, extent: float) -> NDArray[np.bool_]:
-    """(joints,), whether the space that each joint implies is this one."""
-    turned = np.abs(said[:, :3, :3] - space[:3, :3]).max(axis=(1, 2)) < AGREE * scale
-    moved = np.abs(said[:, :3, 3] - space[:3, 3]).max(axis=1) < AGREE * max(extent, 1e-300)
+def _agree(implied: Array, space: Array, scale: float, extent: float) -> NDArray[np.bool_]:
+    """(joints,), whether the spaces that joints imply, (joints, 4, 4), equal `space`."""
+    turned = np.abs(implied[:, :3, :3] - space[:3, :3]).max(axis=(1, 2)) < AGREE * scale
+    moved = np.abs(implied[:, :3, 3] - space[:3, 3]).max(axis=1) < AGREE * max(extent, 1e-300)
     return np.asarray(turned & moved)
 
 
 def _spread(spaces: Array, most: int = 16) -> Array:
-    """At most so many of the spaces, evenly spread."""
+    """At most `most` of the spaces, evenly spread."""
     return spaces[np.unique(np.linspace(0, len(spaces) - 1, most).astype(int))] if len(spaces) > most else spaces
 
 
 def character_of(scene: CharacterScene) -> Character:
-    """Return the character of a file, whose joints are those of `joint_nodes`, without controls where it has bones that
-    deform. A FileError if it has no such nodes, or too many; a SkeletonError if they are no skeleton.
+    """Return the character of a file, whose joints are those of `joint_nodes`, without controls if it has deform
+    bones. A FileError if it has no such nodes, or too many; a SkeletonError if they form no valid skeleton.
     """
     scene, flat = _without_flat_scales(scene)
     above, joints, left_out = joint_nodes(scene)
@@ -211,12 +210,12 @@ def character_of(scene: CharacterScene) -> Character:
     hidden = [scene.nodes.names[node] for node in line if flat[node]]
     warnings = (*scene.notes, *left_out, *_scale_warnings(scene, line, hidden))
     with in_file(scene.path):
-        character = _character(scene, line, shown, _settled(shown, poses, size), len(above), warnings)
-        return with_limbs_on_body(with_deform_bones(character))
+        character = _character(scene, line, shown, _bind_transforms(shown, poses, size), len(above), warnings)
+        return with_attached_limbs(with_deform_bones(character))
 
 
 def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray[np.bool_]]:
-    """The scene with axes of length 0 as long as the longest, or 1, and which nodes had such, (nodes,)."""
+    """The scene with scales of 0 set to the node's largest scale, or 1; and whether nodes had such, (nodes,)."""
     scales = scene.nodes.scales
     longest = np.abs(scales).max(axis=1, keepdims=True, initial=0.0)
     flat = ~(np.abs(scales) > np.maximum(FLAT * longest, SMALLEST))
@@ -225,7 +224,7 @@ def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray
 
 
 def _check_scales(scene: CharacterScene, line: Sequence[int]) -> None:
-    """Raise a FileError unless the transforms of some nodes in the world can be computed with."""
+    """Raise a FileError if world transforms of some nodes are too extreme to compute with."""
     world = scene.nodes.world[line]
     with np.errstate(all="ignore"):
         sizes = np.abs(world[:, :3, :3]).max(axis=(1, 2))
@@ -240,7 +239,7 @@ def _check_scales(scene: CharacterScene, line: Sequence[int]) -> None:
 
 
 def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence[str]) -> Iterator[str]:
-    """A line each for hidden nodes, for nodes that are scaled unevenly, and for nodes whose scale changes."""
+    """A line each on hidden nodes, on unevenly scaled nodes, and on nodes whose scale is animated."""
     if hidden:
         yield f"{quoted(hidden)} have the scale 0, as hidden nodes have; they are taken at full size"
     nodes, sizes = scene.nodes, np.abs(scene.nodes.scales[line])
@@ -257,9 +256,9 @@ def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence
         yield f"the scales of {names} change in the animation; they are left out"
 
 
-def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
-    """The transforms of nodes in the world in the bind pose, (nodes, 4, 4), with the scales that they show. Those
-    without a bind pose, such as nodes above the joints, are as shown; so are, to the digit, those that show it.
+def _bind_transforms(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
+    """The world transforms of nodes in the bind pose, (nodes, 4, 4), with their scales in the file. Nodes without a
+    bind pose, such as those above the joints, have their pose in the file; so have, exactly, nodes whose pose is near.
     """
     world = np.empty((len(shown), 4, 4))
     for node, (parent, bind) in enumerate(zip(shown.parents.tolist(), binds, strict=True)):
@@ -270,7 +269,7 @@ def _settled(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
 
 
 def _local(base: Array, bind: Array, shown: Array, scale: Array, size: float) -> Array:
-    """The bind pose of a node relative to its parent, `base`; what differs by rounding is as the node shows it."""
+    """The bind pose of a node relative to its parent, `base`; set to the file's pose, `shown`, if nearly equal."""
     local = np.linalg.inv(base) @ bind
     mirrored = np.sign(np.linalg.det(local[:3, :3])) * np.sign(scale.prod())
     turn = nearest_rotations((local[:3, :3] * mirrored / scale)[None])[0]
@@ -306,8 +305,8 @@ def _character(
 
 
 def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Skeleton:
-    """The skeleton of nodes that are at these places, (nodes, 3), in the bind pose. Position channels have the root
-    and, if the hips hang below it, they and all joints that are not of the body, such as IK handles.
+    """The skeleton of nodes with these positions in the bind pose, (nodes, 3). The root has position channels, and if
+    the hips are below it, also the hips and all joints outside the body, such as IK handles.
     """
     own = scene.nodes.among(nodes)
     joints = {node: joint for joint, node in enumerate(nodes)}
@@ -315,7 +314,7 @@ def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Ske
         names=_names(own.names, nodes, own.parents.tolist()),
         parents=own.parents,
         offsets=places - np.where((own.parents >= 0)[:, None], places[own.parents], 0.0),
-        channels=tuple(USUAL_ROTATIONS if joint else USUAL_ROOT for joint in range(len(nodes))),
+        channels=tuple(DEFAULT_ROTATIONS if joint else DEFAULT_ROOT for joint in range(len(nodes))),
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
         up=scene.up,
@@ -326,7 +325,7 @@ def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Ske
     if not (anatomy := by_names(skeleton)):
         return skeleton
     body = set(skeleton.subtree(anatomy.roles["hips"])[1:])
-    channels = [USUAL_ROTATIONS if joint in body else USUAL_ROOT for joint in range(len(nodes))]
+    channels = [DEFAULT_ROTATIONS if joint in body else DEFAULT_ROOT for joint in range(len(nodes))]
     return replace(skeleton, channels=tuple(channels))
 
 

@@ -1,4 +1,4 @@
-"""The mesh of a character: what its file binds to nodes, put where the skeleton is in its rest pose."""
+"""The mesh of a character: the skinned meshes of its file, posed with the skeleton in its rest pose."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 
 Number = TypeVar("Number", bound=np.generic)
 
-MOST_TRIANGLES = 30_000  # of a mesh; of a finer one every second, third ... triangle is taken
-MOST_SHOWN = 200_000  # triangles of a mesh that can be shown with all of them
-LEAST_WEIGHT = 1e-6  # vertices whose weights sum to less are bound to nothing
+MOST_TRIANGLES = 30_000  # of a finer mesh every second, third ... triangle is taken
+MOST_SHOWN = 200_000  # a mesh of up to this many triangles is shown with all of them
+LEAST_WEIGHT = 1e-6  # vertices with a smaller sum of weights are not bound
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,19 +31,19 @@ class MeshPart:
     bones: NDArray[np.intp]  # (bones,), the nodes that move it
     to_bones: Array  # (bones, 4, 4), from the space of the mesh to that of each node when it was bound
     joints: NDArray[np.intp]  # (vertices, influences), which of the bones move each vertex
-    weights: Array  # (vertices, influences), how much
+    weights: Array  # (vertices, influences), the weights of these bones
     triangles: NDArray[np.intp]  # (triangles, 3), the vertices of each
     materials: NDArray[np.intp]  # (triangles,), the material of each, -1 for none
-    uv: Array  # (vertices, 2), their places on the images of materials
+    uv: Array  # (vertices, 2), texture coordinates
     normals: Array | None = None  # (vertices, 3), in the space of the mesh
 
 
 def skinned_mesh(
     character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...] = ()
 ) -> SkinnedMesh | None:
-    """Return the mesh of a character, or None if none of its parts hangs on its joints; `nodes` are those of the file.
-    Vertices are where their bones bring them while the skeleton is in its rest pose; nodes that are no joints move with
-    the nearest joint above. A FileError if a vertex is too far away.
+    """Return the mesh of a character, or None if its joints move no part of it; `nodes` are all nodes of the file.
+    Vertices are posed by their bones with the skeleton in its rest pose; nodes that are no joints move with the nearest
+    joint above. A FileError if a vertex is too far away.
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)
@@ -56,7 +56,7 @@ def skinned_mesh(
 def assembled(
     character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...], step: int = 1
 ) -> SkinnedMesh | None:
-    """Return the mesh as `skinned_mesh` does, but with one of every `step` triangles, however many these are."""
+    """Return the mesh as `skinned_mesh`, with one of every `step` triangles and without a limit to their number."""
     binds = character.bind_transforms
     joints = {node: joint for joint, node in enumerate(character.joint_nodes.tolist())}
     found = [own for part in parts if (own := _bound(part, step, nodes, binds, joints)) is not None]
@@ -77,7 +77,7 @@ def assembled(
             materials,
             np.concatenate([each.of_triangle for each in looks]),
             np.concatenate([each.uv for each in looks]),
-            np.concatenate(normals) if len(normals) == len(found) else None,  # one part without has none
+            np.concatenate(normals) if len(normals) == len(found) else None,  # none if one part has none
         ),
     )
 
@@ -85,7 +85,7 @@ def assembled(
 def _bound(
     part: MeshPart, step: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]
 ) -> SkinnedMesh | None:
-    """One of every `step` triangles of a part in the world, as far as joints move it; None if they move nothing."""
+    """One of every `step` triangles of a part in the world, of those that joints move; None if there are none."""
     placed = [_placed(node, nodes, binds, joints) for node in part.bones.tolist()]
     regular = np.abs(np.linalg.det(part.to_bones[:, :3, :3])) > 0.0
     joint_of = np.where(regular, [joint for joint, _ in placed], -1)
@@ -112,7 +112,7 @@ def _bound(
 
 
 def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> tuple[int, Array]:
-    """The joint that a node moves with, -1 for none, and the node's transform in the world in the bind pose, (3, 4)."""
+    """The joint that a node moves with, -1 for none, and the node's world transform in the bind pose, (3, 4)."""
     below, at = np.eye(4), node
     while at >= 0 and at not in binds:
         below = nodes.transforms[at] @ below
@@ -126,5 +126,5 @@ def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping
 
 
 def _widened(values: NDArray[Number], influences: int) -> NDArray[Number]:
-    """Joints or weights with zeros for more influences."""
+    """Joints or weights padded with zeros to `influences` columns."""
     return np.pad(values, ((0, 0), (0, influences - values.shape[1])))

@@ -1,6 +1,4 @@
-"""What files of characters hold, glTF and FBX alike: a forest of nodes, the skins on them, and animations of nodes;
-and these sampled at frames that are equally far apart: at their own keys, or at a frame rate.
-"""
+"""The content of character files, glTF or FBX: a forest of nodes, skins, and animations, sampled at a constant rate."""
 
 from __future__ import annotations
 
@@ -20,16 +18,16 @@ from distretarget.numerics.kinematics import children_of, depth_first_order
 from distretarget.numerics.vectors import Array, lengths, normalised
 from distretarget.skeleton import SMALLEST
 
-INFLUENCES = 8  # the bones that move a vertex most; others do not count
+INFLUENCES = 8  # bones per vertex that count, those with the largest weights
 BLOCK = 65536  # frames that are sampled at once
-FREE_SAMPLES = 1_000_000  # so many samples may a file have, however small it is [frames x curves]
+FREE_SAMPLES = 1_000_000  # even the smallest file may have this many samples [frames x curves]
 
 
 @dataclass(frozen=True, eq=False)
 class Nodes:
-    """The nodes of a file and the transforms that they show without an animation, relative to their parents."""
+    """The nodes of a file and their transforms without an animation, relative to their parents."""
 
-    names: tuple[str, ...]  # they may be empty or the same
+    names: tuple[str, ...]  # maybe empty or not unique
     parents: NDArray[np.intp]  # (nodes,), -1 for none; parents may come after their children
     translations: Array  # (nodes, 3) [file units]
     rotations: Array  # (nodes, 4), unit quaternions x y z w
@@ -63,7 +61,7 @@ class Nodes:
         return world
 
     def among(self, line: Sequence[int]) -> Nodes:
-        """Return some of the nodes, numbered in their order; those whose parent is not among them have none."""
+        """Return some of the nodes, in this order; nodes whose parent is not among them have none."""
         places = {node: place for place, node in enumerate(line)}
         return Nodes(
             names=tuple(self.names[node] for node in line),
@@ -76,19 +74,19 @@ class Nodes:
 
 @dataclass(frozen=True, eq=False)
 class SkinBinding:
-    """The nodes that move a mesh, and where they were when it was bound: matrices from the mesh's space to that of each
-    joint in the bind pose, on columns; None where the file states none, so that nodes show it, zeros where it states
-    none for a joint.
+    """The joints of a skin and their inverse bind matrices, which map column vectors from the mesh's space to that of
+    each joint in the bind pose; zeros for joints without one; None if the file states none, so that its pose is the
+    bind pose.
     """
 
     joints: NDArray[np.intp]  # (joints,), nodes
     inverse_binds: Array | None  # (joints, 4, 4)
-    meshes: tuple[int, ...] = ()  # the nodes at which meshes with this skin hang
+    meshes: tuple[int, ...] = ()  # the nodes of meshes with this skin
 
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """An animation, sampled at frames that are equally far apart; values are relative to the parent."""
+    """An animation, sampled at a constant frame rate; values are relative to the parent."""
 
     name: str  # as in the file; may be empty
     frames: int
@@ -97,29 +95,29 @@ class Animation:
     rotations: Mapping[int, Array] = field(default_factory=dict)  # of turning nodes, (frames, 4) each, x y z w
     scales: Mapping[int, Array] = field(default_factory=dict)  # (frames, 3) each
     weights: Mapping[int, Array] = field(default_factory=dict)  # of morph targets, (frames, targets) each
-    extras: Mapping[str, object] = field(default_factory=dict)  # what else is kept with it
-    posed: frozenset[int] = frozenset()  # the nodes that it decides on; without keys they stay as the file shows them
+    extras: Mapping[str, object] = field(default_factory=dict)  # further data of the file, copied
+    posed: frozenset[int] = frozenset()  # the nodes that it poses; those without keys keep their pose in the file
 
 
 @dataclass(frozen=True, eq=False)
 class CharacterScene:
-    """The content of a file of characters that matters to a motion."""
+    """The content of a character file that its motion needs."""
 
     path: str | Path  # for errors
     nodes: Nodes
     skins: tuple[SkinBinding, ...]
     humanoid: Mapping[str, int]  # the node of each bone by VRM 1.0's names, such as "leftUpperArm"; empty without VRM
-    animations: tuple[str, ...]  # the names, in the order of the file; they may be empty or the same
-    animation: Animation | None  # the one that was asked for, or the only one
-    looks_back: bool = False  # whether its characters look to -Z, as in VRM 0
-    notes: tuple[str, ...] = ()  # what of it is not read, a line each
+    animations: tuple[str, ...]  # the names, in the order of the file; maybe empty or not unique
+    animation: Animation | None  # the chosen one, or the only one
+    looks_back: bool = False  # whether its characters face -Z, as in VRM 0
+    notes: tuple[str, ...] = ()  # a line on each thing in it that is not read
     units: str | None = "m"  # of the nodes' translations; None if the file does not state it
     up: str | None = "Y"  # None if the file does not state it
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """The keys of one property of a node; those of a "CUBICSPLINE" are tangent in, value, tangent out."""
+    """The keys of one property of a node; each key of a "CUBICSPLINE" has in-tangent, value and out-tangent."""
 
     times: Array  # (keys,), in ascending order [s]
     keys: Array  # (keys, 1 or 3, numbers)
@@ -137,7 +135,7 @@ class Curve:
             result = np.where((share >= 1.0)[:, None], values[after], values[before])
         elif self.interpolation == "CUBICSPLINE":
             result = self._cubic(before, after, share, span)
-        elif rotates:  # on the shorter way
+        elif rotates:  # by the shorter rotation
             first, last = (Rotation.from_quat(values[each]) for each in (before, after))
             turn = (first.inv() * last).as_rotvec()
             result = np.asarray((first * Rotation.from_rotvec(share[:, None] * turn)).as_quat())
@@ -166,8 +164,8 @@ def sampled(
     path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
 ) -> Animation:
     """Return an animation's curves, by property and node, sampled at `fps` frames/s, else at the rate of its keys
-    (`own_rate`); one that is too long for this and whose keys are equally far apart has these as its frames. The size
-    of the file bounds the samples, `most` [bytes]. A FileError if nothing is animated, or if it is too long.
+    (`own_rate`). If that makes too many samples and keys are equally spaced, they are the frames. `most` bounds the
+    samples by the size of the file [bytes]. A FileError if nothing is animated, or if the animation is too long.
     """
     every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
     if not every:

@@ -56,7 +56,7 @@ def contacts_command(
         found = find_contacts(motion, body, joint_map=pairs)
     write_outputs({output: lambda: contacts_to_json(found)}, overwrite)
     spans = ["frames {:.0f}-{:.0f}".format(*(entry.frames or (0, 0))) for entry in found]
-    names = [" - ".join(entry.named) for entry in found]
+    names = [" - ".join(entry.names) for entry in found]
     for line in table_lines([*zip(names, spans, [entry.found for entry in found], strict=True)], "<<<"):
         say(line)
     if not len(found):

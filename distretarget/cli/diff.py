@@ -263,7 +263,7 @@ def read_recorded_scene(path: Path) -> SceneInput:
     if file == path or file.is_file():
         setup = load_scene(file)
         sources, props = setup.read()
-        motions = [each.looking_ahead() for each in (*sources, *(prop.motion for prop in props))]
+        motions = [each.facing_forward() for each in (*sources, *(prop.motion for prop in props))]
         files = {clip.name: clip.file for clip in setup.clips}
         return SceneInput(path, dict(zip(files, motions, strict=True)), files, setup)
     try:
@@ -273,7 +273,7 @@ def read_recorded_scene(path: Path) -> SceneInput:
     if not found:
         raise FileError(path, f"has no motion file and no {SCENE_NAME} in it")
     files = {each.stem: each for each in found}
-    return SceneInput(path, {name: read_motion(file).looking_ahead() for name, file in files.items()}, files)
+    return SceneInput(path, {name: read_motion(file).facing_forward() for name, file in files.items()}, files)
 
 
 def read_scenes(a_path: Path, b_path: Path) -> tuple[SceneInput, SceneInput]:

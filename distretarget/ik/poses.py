@@ -104,7 +104,7 @@ def subtree_lengths(skeleton: Skeleton, carried: Numbers) -> Array:
     `carried`: tails, props and helper joints do not count [file units].
     """
     sums = np.zeros(len(skeleton))
-    on_the_way = [*skeleton.lines(carried)]
+    on_the_way = [*skeleton.with_ancestors(carried)]
     sums[on_the_way] = skeleton.lengths[on_the_way]
     for joint in range(len(skeleton) - 1, 0, -1):
         sums[skeleton.parents[joint]] += sums[joint]

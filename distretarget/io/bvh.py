@@ -282,7 +282,7 @@ def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Arra
 
 def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values: Array) -> Array:
     """(frames, joints, 4), the local rotations in the `values`, (frames, channels), at the `columns` of each joint."""
-    rotations = np.tile(skeleton.unturned, (len(values), 1, 1))
+    rotations = np.tile(skeleton.rest_rotations, (len(values), 1, 1))
     orders: defaultdict[str, list[int]] = defaultdict(list)
     for joint in range(len(skeleton)):
         orders[skeleton.rotation_axes(joint)].append(joint)

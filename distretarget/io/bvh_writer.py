@@ -45,7 +45,7 @@ def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None
 def bvh_parts(motion: Motion) -> Iterator[str]:
     """Return the BVH text of a motion in parts, each of which is made when it is taken; errors as in `write_bvh`."""
     check_kind("motion", motion, Motion)
-    motion = _with_channels(motion.looking_ahead())  # as readers of BVH expect it
+    motion = _with_channels(motion.facing_forward())  # as readers of BVH expect it
     longest = motion.skeleton.longest_path
     fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6  # for 1e-8 of the longest path
     channels = (channel for joint in motion.skeleton.depth_first for channel in motion.skeleton.channels[joint])

@@ -47,7 +47,7 @@ def entry_to_json(entry: Entry) -> str:
 def _plain(entry: Entry) -> dict[str, Any]:
     """An entry as JSON values, without defaults."""
     usual = {each.name: each.default for each in fields(entry)} | {"like": None}
-    usual |= {} if entry.acts else {"keep": None}
+    usual |= {} if entry.has_effect else {"keep": None}
     values = ((key, getattr(entry, key)) for key in _keys(type(entry)))
     return {key: _whole(value) for key, value in values if value is not None and value != usual[key]}
 

@@ -47,7 +47,7 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
     nodes = list(_nodes(container.Root))
     skeleton = _skeleton(nodes)
     translations = np.tile(skeleton.offsets, (container.FrameCount, 1, 1))
-    rotations = np.tile(skeleton.unturned, (container.FrameCount, 1, 1))
+    rotations = np.tile(skeleton.rest_rotations, (container.FrameCount, 1, 1))
     for number in np.flatnonzero(~skeleton.end_sites):
         translations[:, number], rotations[:, number] = _poses(nodes[number][0], container.FrameCount)
     add_offsets(skeleton, np.arange(len(skeleton)), translations)

@@ -40,7 +40,7 @@ class RestPose:
             raise FileError(
                 self.path, f"the rest pose has other joints than SOURCE: {name_difference(self.rotations, keys)}"
             )
-        rotations = np.tile(skeleton.unturned, (1, 1, 1))
+        rotations = np.tile(skeleton.rest_rotations, (1, 1, 1))
         for key, rotation in self.rotations.items():
             rotations[0, skeleton.index(key)] = normalised(np.array(rotation))
         motion = Motion(skeleton, np.zeros((1, 3)), rotations, "1")

@@ -17,7 +17,7 @@ import numpy as np
 
 from distretarget.body.single_bones import without_ends
 from distretarget.character.nodes import Animation
-from distretarget.checks import brief, check_choice, check_kind
+from distretarget.checks import brief_repr, check_choice, check_kind
 from distretarget.errors import FileError, MotionError, SettingsError
 from distretarget.io.arrays import Arrays, Precision, npz
 from distretarget.io.bvh_writer import bvh_parts
@@ -185,7 +185,7 @@ class OutputSettings:
     rotations: RotationKind = "quaternion"
     precision: Precision = "float64"
 
-    __repr__ = brief
+    __repr__ = brief_repr
 
     def arrays(self, clip: NamedClip) -> bytes:
         """Return the content of an npz file with the arrays of a clip, its labels, and its parameters of SMPL."""

@@ -14,7 +14,7 @@ from scipy.spatial.distance import cdist
 from distretarget.errors import BvhError
 from distretarget.io.bvh import NUMBER
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, spread_out
+from distretarget.numerics.vectors import Array, farthest_points
 from distretarget.skeleton import ALL_CHANNELS, LARGEST, Skeleton
 
 CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
@@ -58,7 +58,7 @@ def still_points(vertices: Array, name: str) -> Motion:
     `MOST_POINTS` of them, each fixed to one near to it; the first, the root, has the name.
     """
     different = np.unique(vertices, axis=0)
-    points = different[spread_out(different, MOST_POINTS)]
+    points = different[farthest_points(different, MOST_POINTS)]
     order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
     parents = np.argsort(order)[before[order[1:]]]
     leaves = ~np.isin(np.arange(len(order)), parents)
@@ -70,4 +70,4 @@ def still_points(vertices: Array, name: str) -> Motion:
         channels=(ALL_CHANNELS, *[()] * (len(order) - 1)),
         end_sites=leaves,
     )
-    return Motion(skeleton, points[:1], skeleton.unturned[None], "1")
+    return Motion(skeleton, points[:1], skeleton.rest_rotations[None], "1")

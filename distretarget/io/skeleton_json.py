@@ -9,7 +9,7 @@ import numpy as np
 
 from distretarget.errors import SkeletonError, closest, entry_place, quoted
 from distretarget.io.json_node import Fields, Node, on_lines
-from distretarget.skeleton import AXES, UNITS, USUAL_ROOT, USUAL_ROTATIONS, JointMap, Skeleton
+from distretarget.skeleton import AXES, DEFAULT_ROOT, DEFAULT_ROTATIONS, UNITS, JointMap, Skeleton
 from distretarget.target import LoadedTarget, SkeletonEdit, Target, with_bones
 
 HEADER: dict[str, object] = {"format": "distretarget-skeleton", "version": 1}
@@ -84,7 +84,7 @@ def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
     """The channels of a joint: those that the file states, else the usual ones."""
     if "channels" in joint:
         return tuple(node.text() for node in joint["channels"].items())
-    usual = USUAL_ROTATIONS if joint["parent"].value is not None else USUAL_ROOT
+    usual = DEFAULT_ROTATIONS if joint["parent"].value is not None else DEFAULT_ROOT
     return () if end else usual
 
 

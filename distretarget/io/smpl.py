@@ -26,7 +26,7 @@ from distretarget.errors import FileError, SkeletonError, in_file, quoted
 from distretarget.io.arrays import ArraysFile
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
-from distretarget.skeleton import METRES, USUAL_ROOT, USUAL_ROTATIONS, Skeleton
+from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, METRES, Skeleton
 
 # The joints whose turns are parameters, in their order.
 BODY = (
@@ -87,7 +87,7 @@ def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
 
 def _free(names: tuple[str, ...], parents: NDArray[Any], offsets: NDArray[Any], ends: NDArray[Any]) -> Skeleton:
     """The skeleton whose root moves freely and whose other joints turn freely."""
-    free = [() if end else USUAL_ROTATIONS if joint else USUAL_ROOT for joint, end in enumerate(ends.ravel().tolist())]
+    free = [() if end else DEFAULT_ROTATIONS if n else DEFAULT_ROOT for n, end in enumerate(ends.ravel().tolist())]
     return Skeleton(names=names, parents=parents, offsets=offsets, channels=tuple(free), end_sites=ends)
 
 
@@ -112,7 +112,7 @@ class SmplBody:
         left = [body.at_rest.bone(f"{side}UpperArm", f"{side}Hand") for side in SIDES]
         level = all(arm is not None and sign * arm[0] > LEVEL for arm, sign in zip(left, (1.0, -1.0), strict=True))
         exact = body.anatomy.convention == CONVENTION and level
-        return cls(skeleton, joints, skeleton.unturned if exact else t_pose(skeleton, body.at_rest, None), exact)
+        return cls(skeleton, joints, skeleton.rest_rotations if exact else t_pose(skeleton, body.at_rest, None), exact)
 
     @property
     def metre(self) -> float:
@@ -133,7 +133,7 @@ class SmplBody:
         cosines = Rotation.from_rotvec(turns[PELVIS]).apply([0.0, 1.0, 0.0])[:, 1] if len(poses) else np.zeros(1)
         to_y_up = Rotation.identity() if cosines.mean() > UPRIGHT else TO_Y_UP
         rest = Rotation.from_quat(self.turns)
-        rotations = np.tile(skeleton.unturned, (len(poses), 1, 1))
+        rotations = np.tile(skeleton.rest_rotations, (len(poses), 1, 1))
         for joint, parent in enumerate(skeleton.parents.tolist()):
             rotations[:, joint] = (rest[parent].inv() * rest[joint] if joint else rest[0]).as_quat()
         for name, joint in self.joints.items():

@@ -44,7 +44,7 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
     unit = METRES[motion.skeleton.units] if motion.skeleton.units else USUAL_HEIGHT / body.height
     joints = sorted(bones.values())
     number = {joint: place for place, joint in enumerate(joints)}
-    lines = [[number[each] for each in motion.skeleton.line(joint)[1:] if each in number] for joint in joints]
+    lines = [[number[each] for each in motion.skeleton.to_root(joint)[1:] if each in number] for joint in joints]
     parents = np.array([line[0] if line else -1 for line in lines])
     places = motion.skeleton.posed(rest.as_quat())
     # The height of the root, on which players scale the path: as stated, or if nobody could stand so, with the lowest

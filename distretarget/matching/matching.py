@@ -21,16 +21,16 @@ from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, extent, normalised, read_only
-from distretarget.rig import KEPT, found_once, of_rig
+from distretarget.rig import CACHED_RIGS, rig_cached, rig_property
 from distretarget.skeleton import JointMap
 from distretarget.skin.mesh import SkinnedMesh
 
 Found = TypeVar("Found")
 
-ONE_RIG = 1e-3  # joints of one rig are no farther off each other [largest coordinate of a joint]
+SAME_RIG = 1e-3  # rest positions of the same rig differ by less [largest coordinate of a joint]
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
-LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # for comparing joint locations
+LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # path lengths to them are compared
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
 LIMB_ROLES = ("leftUpperArm", "rightUpperArm", "leftUpperLeg", "rightUpperLeg")  # two bodies must share one of these
 
@@ -40,8 +40,8 @@ class Matching:
     """Which source joint drives which target joint, and how each pair was found.
 
     Attributes:
-        source, target: the bodies; if the feet of both show the left side, left and right are as the feet show, not
-            as the names say.
+        source, target: the bodies; if the feet of both show the left side, the feet decide which side is left, not
+            the names.
         drivers: (target joints,), the source joint that drives each target joint; -1 for none.
         rotation_sources: (target joints, 2), the source joints whose rotations each target joint blends: its driver
             twice, or two neighbours in a spine or neck with another number of joints; -1 to follow the parent.
@@ -49,8 +49,8 @@ class Matching:
         method: how each target joint was matched: "map", "name" (equal names), "names" (body parts by name or as the
             file's humanoid states), "shape" (body parts by shape), "tip" (child of a matched joint), or "" without a
             driver.
-        source_normals, target_normals: the normals of the soles of either, left and right, if they are known otherwise
-            than from its poses; (3,) each, in the axes of its ankles.
+        source_normals, target_normals: the normals of the left and right sole, (3,) each, in the axes of the ankles,
+            if they replace those that the poses show.
     """
 
     source: Body
@@ -106,8 +106,8 @@ class Matching:
     @property
     def without_driver(self) -> list[str]:
         """The keys of the target joints, except End Sites, that no source joint drives."""
-        skeleton, alone = self.target.skeleton, (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
-        return [skeleton.keys[joint] for joint in skeleton.joints if alone[joint]]
+        skeleton, undriven = self.target.skeleton, (self.rotation_sources[:, 0] < 0) & (self.drivers < 0)
+        return [skeleton.keys[joint] for joint in skeleton.joints if undriven[joint]]
 
     @property
     def followers(self) -> list[str]:
@@ -115,7 +115,7 @@ class Matching:
         others = {self.target.skeleton.keys[joint] for joint in (0, *self.target.handles)}
         return [key for key in self.without_driver if key not in others]
 
-    @of_rig
+    @rig_property
     def legs(self) -> tuple[Legs, Legs] | None:
         """The source joints that drive the target's legs, and these legs. The ankle replaces a toe without a driver.
         None unless hip joints and ankles have drivers and the source's legs have a length.
@@ -127,43 +127,43 @@ class Matching:
         driven = min(*a.joints, *b.joints) >= 0
         return ((a, b), (left, right)) if driven and leg_length(self.source.skeleton, (a, b)) > 0 else None
 
-    @of_rig
+    @rig_property
     def leg_lengths(self) -> tuple[float, float]:
         """The lengths of these legs, thigh plus shin, in source and target [file units of each]; 0 without legs."""
         return (leg_length(self.source.skeleton, self.legs[0]), self.target.leg_length) if self.legs else (0.0, 0.0)
 
-    @of_rig
+    @rig_property
     def regions(self) -> Regions:
         """The regions of the target; joints that a map drives belong to the region they are attached to."""
         mapped = [joint for joint, method in enumerate(self.method) if method == "map"]
         return self.target.regions.with_joints(self.target.skeleton, mapped)
 
-    @of_rig
+    @rig_property
     def body_joints(self) -> Numbers:
         """The joints of the target's body that have drivers."""
         return np.flatnonzero((self.drivers >= 0) & (self.regions.of_joint >= 0))
 
     def joints_but_feet(self, *, driven: bool = True) -> Numbers:
-        """Return the joints of the target's body, with or without driver, but those of the feet; none without legs."""
+        """Return the joints of the target's body except the feet, with or without driver; none without legs."""
         return np.flatnonzero(((self.drivers >= 0) == driven) & self._but_feet)
 
-    @of_rig
+    @rig_property
     def _but_feet(self) -> Flags:
-        """(joints,), the joints of the target's body but those of the feet; none without legs."""
+        """(joints,), the joints of the target's body except the feet; none without legs."""
         of_joint = self.regions.of_joint
         feet = [of_joint[leg.ankle] for leg in self.legs[1]] if self.legs else []
         return np.asarray((of_joint >= 0) & ~np.isin(of_joint, feet) & bool(feet))
 
-    @of_rig
+    @rig_property
     def rest_poses_alike(self) -> bool:
-        """Whether every bone points about the same way in both rest poses, so that these are the same pose."""
+        """Whether every bone has about the same direction in both rest poses."""
         _, a, b = self.shared_bones(self.source.skeleton.rest_positions, self.target.skeleton.rest_positions)
         return bool(((a * b).sum(axis=1) >= np.cos(BUILD_ANGLE)).all())
 
-    @of_rig
-    def is_one_rig(self) -> bool:
-        """Whether source and target are the same rig, of any size: each joint drives the one that corresponds to it,
-        and both rest poses have them at the same places, seen from the pelvis.
+    @rig_property
+    def is_same_rig(self) -> bool:
+        """Whether source and target are the same rig, of any size: each joint drives the joint with its index, and rest
+        positions relative to the pelvis are the same up to scale.
         """
         source, target = self.source.skeleton, self.target.skeleton
         if len(source) != len(target) or not np.array_equal(self.drivers, np.arange(len(target))):
@@ -171,12 +171,12 @@ class Matching:
         below = [*target.subtree(self.pelvis)]
         places, own = (x[below] - x[self.pelvis] for x in (source.rest_positions, target.rest_positions))
         sizes = extent(places), extent(own)
-        return bool(min(sizes) > 0.0 and extent(places / sizes[0] - own / sizes[1]) < ONE_RIG)
+        return bool(min(sizes) > 0.0 and extent(places / sizes[0] - own / sizes[1]) < SAME_RIG)
 
-    @of_rig
+    @rig_property
     def in_reference(self) -> bool:
-        """Whether the bodies are aligned in their reference poses, not in their rest poses: where both stand, since
-        they may face different ways, and where their rest poses differ.
+        """Whether the bodies are aligned in their reference poses, not in their rest poses: if both stand, since they
+        may face different directions, or if their rest poses differ.
         """
         recognised = self.source.anatomy is not None and self.target.anatomy is not None
         both_stand = self.source.stands and self.target.stands
@@ -187,12 +187,14 @@ class Matching:
         """The poses in which source and target are aligned."""
         source, target = self.source, self.target
         pose, own = (source.reference, target.reference) if self.in_reference else (source.rest, target.rest)
-        return (with_resting_feet(pose, source, self.legs[0]) if self.legs and self._bends_otherwise else pose), own
+        if self.legs and self._only_source_feet_bend:
+            pose = with_resting_feet(pose, source, self.legs[0])
+        return pose, own
 
-    @of_rig
-    def _bends_otherwise(self) -> bool:
-        """Whether the source's feet bend below the ankles and the target's do not, as those with a ForeFoot right below
-        the ankle. The rest pose does not show how far such feet are bent while they stand flat.
+    @rig_property
+    def _only_source_feet_bend(self) -> bool:
+        """Whether the source's feet bend between ankle and toe, as with a ForeFoot right below the ankle, and the
+        target's do not. The rest pose does not show how far such feet bend when they are flat.
         """
         bodies = self.source, self.target
         return [any(leg.foot_bends(body.skeleton) for leg in body.legs or ()) for body in bodies] == [True, False]
@@ -221,8 +223,8 @@ class Matching:
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
         """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
-        same rest pose shows its soles, the other's lie the same way. Without a foot, the legs of both end at the ankle,
-        unless an End Site shows that the target's end on the floor.
+        same rest pose shows its soles, the other gets the same normals. If the target has no foot, both soles are those
+        of the ankle, unless an End Site shows that the target's leg ends on the floor.
         """
         normals = self.source_normals, self.target_normals
         if not self._soles or normals == (None, None):
@@ -231,9 +233,9 @@ class Matching:
         source, target = (soles if known is None else with_normals(soles, known) for soles, known in sides)
         return tuple(zip(source, target, strict=True))
 
-    @of_rig
+    @rig_property
     def _soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The same as poses show them."""
+        """The `soles` that poses show."""
         if self.legs is None:
             return ()
         feet = [*zip((self.source, self.target), self.legs, self.poses, strict=True)]
@@ -248,30 +250,30 @@ class Matching:
             (a.at_ankle, b.at_ankle) if cut else (a, b) for cut, a, b in zip(footless, source, target, strict=True)
         )
 
-    @of_rig
+    @rig_property
     def _own_soles(self) -> tuple[tuple[Sole, Sole], ...]:
         """The soles of source and target as each body shows them; empty without legs."""
         feet = zip((self.source, self.target), self.legs, self.poses, strict=True) if self.legs else ()
         return tuple(find_soles(*each) for each in feet)
 
     @property
-    def on_resting_soles(self) -> Matching:
-        """The same matching with the source's soles as they rest in its motion; those of one rig are its target's."""
-        if self.legs is None or self.is_one_rig:
+    def with_resting_soles(self) -> Matching:
+        """The same matching with the normals of the source's resting soles; the same rig keeps the target's soles."""
+        if self.legs is None or self.is_same_rig:
             return self
         soles = tuple(sole for sole, _ in self.soles)
         normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)
         return replace(self, source_normals=normals)
 
-    def on_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
-        """Return the same matching with the target's soles, and those of the same rig, as the target's mesh shows."""
+    def with_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
+        """Return the matching with the soles that the target's mesh shows, also for a source that is the same rig."""
         if self.legs is None or mesh is None:
             return self
         left, right = (own for _, own in self._soles)
         found = flat_normals(self.target, self.legs[1], (left, right), mesh)
-        return replace(self, source_normals=found if self.is_one_rig else None, target_normals=found)
+        return replace(self, source_normals=found if self.is_same_rig else None, target_normals=found)
 
-    @of_rig
+    @rig_property
     def pelvis(self) -> int:
         """The target joint where the legs branch off, if it has a driver; else the first joint with a driver."""
         first = int(np.argmax(self.drivers >= 0))
@@ -279,11 +281,11 @@ class Matching:
         return first if joint is None or self.drivers[joint] < 0 else joint
 
 
-def by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Found]:
-    """Decorator of a function of a matching and its soles, which keeps the result: one for each matching, or for all
-    clips of the same rigs if rest poses show the soles. Results are not written to, and do not refer to the matching.
+def cached_by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Found]:
+    """Decorate a function of a matching and its soles: cache the result for each matching, or for all clips of the same
+    rigs if rest poses show the soles. Results are not written to, and do not refer to the matching.
     """
-    found: WeakKeyDictionary[Matching, Found] = WeakKeyDictionary()  # as long as the matching is in use
+    found: WeakKeyDictionary[Matching, Found] = WeakKeyDictionary()
 
     @wraps(function)
     def find(matching: Matching) -> Found:
@@ -296,7 +298,7 @@ def by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Foun
     return find
 
 
-@lru_cache(maxsize=KEPT)
+@lru_cache(maxsize=CACHED_RIGS)
 def _rig(
     source: Body, target: Body, drivers: bytes, rotation_sources: bytes, blend: bytes, method: tuple[str, ...]
 ) -> Matching | None:
@@ -310,15 +312,15 @@ def _rig(
         method=method,
     )
     vars(rig)["rig"] = rig  # fill the cached property
-    known = not rig._bends_otherwise and all(sole.known for soles in rig._own_soles for sole in soles)
+    known = not rig._only_source_feet_bend and all(sole.known for soles in rig._own_soles for sole in soles)
     return rig if known else None
 
 
 def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match the joints of two bodies as `find_matching` does, and check that a motion can be retargeted by it.
+    """Match the joints of two bodies (`find_matching`), and check that the matching suffices to retarget a motion.
 
     Raises:
-        MatchingError: it cannot; the message says why, and which names come closest.
+        MatchingError: it does not; the message says why, and which names are most similar.
         MapError: `joint_map` names joints that do not exist.
     """
     check_kind("source", source, Body)
@@ -332,9 +334,8 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match as many joints of two bodies as possible: those in `joint_map` by it, the others by names or by shape, but
-    not IK handles, which copy the joints they are named after. A MapError if `joint_map` names joints that do not
-    exist.
+    """Match as many joints of two bodies as possible: by `joint_map`, else by names or by shape; not IK handles, which
+    copy the joints they are named after. A MapError if `joint_map` names joints that do not exist.
     """
     if source.left_is_left is not None and target.left_is_left is not None:
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
@@ -347,7 +348,7 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     )
 
 
-@found_once
+@rig_cached
 def _paired(
     source: Body, target: Body, crossed: bool, mapped: tuple[tuple[int, tuple[int, str]], ...]
 ) -> tuple[Numbers, Numbers, Array, tuple[str, ...]]:

@@ -34,8 +34,8 @@ def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
     if alike and len(names) == len(target.skeleton.joints):
         return names
     shared = _shared_roles(s, t)
-    alone = [t.roles[role] for role in s.roles.keys() & t.roles.keys() - {*shared}]
-    names = {joint: pair for joint, pair in names.items() if not {*target.skeleton.line(joint)} & {*alone}}
+    unshared = [t.roles[role] for role in s.roles.keys() & t.roles.keys() - {*shared}]
+    names = {joint: pair for joint, pair in names.items() if not {*target.skeleton.to_root(joint)} & {*unshared}}
     names_first = alike and s.convention
     pairs = {joint: pair for joint, pair in names.items() if names_first and joint not in (*t.spine, *t.neck)}
     pairs |= _unused(_same_parts(s, t, shared), pairs)
@@ -59,7 +59,7 @@ def pairs_of_map(source: Skeleton, target: Skeleton, joint_map: JointMap) -> Joi
 
 
 def _same_names(source: Skeleton, target: Skeleton) -> JointPairs:
-    """Joints with equal keys, then joints whose names are equal without namespace and case; no End Sites."""
+    """Pairs of joints with equal keys, then with equal names without namespace and case; no End Sites."""
     pairs: JointPairs = {}
     exact = [{skeleton.keys[joint]: joint for joint in skeleton.joints} for skeleton in (source, target)]
     for drivers, joints in (exact, [_plain_names(source), _plain_names(target)]):
@@ -87,7 +87,7 @@ def _shared_roles(s: Anatomy, t: Anatomy) -> list[str]:
 
 
 def _same_parts(s: Anatomy, t: Anatomy, shared: Sequence[str]) -> JointPairs:
-    """Joints with the shared roles; spines and necks with equal numbers of joints pair joint by joint."""
+    """Pairs of joints with the shared roles; spines and necks with equal numbers of joints pair joint by joint."""
     method = "shape" if "shape" in (s.method, t.method) else "names"
     pairs = {t.roles[role]: (s.roles[role], method) for role in shared}
     for drivers, joints in ((s.spine, t.spine), (s.neck, t.neck)):
@@ -97,20 +97,21 @@ def _same_parts(s: Anatomy, t: Anatomy, shared: Sequence[str]) -> JointPairs:
 
 
 def _unused(pairs: JointPairs, known: JointPairs) -> JointPairs:
-    """The pairs of which no joint is in a known pair."""
+    """The pairs without joints of known pairs."""
     drivers = {driver for driver, _ in known.values()}
     return {joint: pair for joint, pair in pairs.items() if joint not in known and pair[0] not in drivers}
 
 
 def _nearest(skeleton: Skeleton, joint: int, known: Collection[int]) -> int:
     """The nearest ancestor among the known joints; -1 without one."""
-    return next((above for above in skeleton.line(joint)[1:] if above in known), -1)
+    return next((above for above in skeleton.to_root(joint)[1:] if above in known), -1)
 
 
 def with_tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
     """Add pairs of unmatched ends of matched joints: their only children, or else their End Sites in order."""
     known = dict(pairs)
-    source_lines, lines = source.lines(driver for driver, _ in pairs.values() if driver >= 0), target.lines(pairs)
+    source_lines = source.with_ancestors(driver for driver, _ in pairs.values() if driver >= 0)
+    lines = target.with_ancestors(pairs)
     for joint in range(len(target)):
         driver = known.get(joint, (-1, ""))[0]
         if driver >= 0:

@@ -18,35 +18,35 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh, outermost
 
 T = TypeVar("T")
 
-AROUND = 1.5  # a joint can rest on skin that is nearer to it than this [radii of its capsule there], ...
-WHOLE = ("head", "chest", "belly", "pelvis")  # ... and on all skin of these segments
+AROUND = 1.5  # a joint can rest on skin nearer than this [radii of its capsule there], ...
+WHOLE = ("head", "chest", "belly", "pelvis")  # ... on all skin of these segments, ...
 BEYOND = 4.0  # ... and the last joint of a finger on skin nearer than this [radii of its capsule there]
-# A foot has a heel if skin behind the ankle reaches down more than this share of the way to the sole: with a heel it
-# reaches 0.86 and more, without one 0.3.
+# A foot has a heel if the skin behind the ankle reaches deeper than this share of the depth of the sole: 0.86 and more
+# with a heel, 0.3 without.
 HEEL = 0.5
-DIRECTIONS = 60  # the outermost vertices in so many directions from a joint stand for its skin
+DIRECTIONS = 60  # the skin about a joint is reduced to its outermost vertices in so many directions
 
 
 class BoundBalls(NamedTuple):
-    """Balls that joints move, as they move the vertices of a skin, by weights w. While the joints are at x with the
-    rotations R, the height of a centre, at `point` in the rest pose, is the sum over joints of
-    w (x + R (point - rest)) . up: linear in R^T up and x . up.
+    """Balls that are skinned to joints with weights w. With joints at x, world rotations R and rest positions r, the
+    height of a ball's centre, at p in the rest pose, is the sum over joints of w (x + R (p - r)) . up, which is linear
+    in R^T up and x . up.
     """
 
-    joints: list[int]  # that move them
+    joints: list[int]  # the joints that move the balls
     linear: Array  # (4 joints, balls), the factors of R^T up and x . up of each joint in the heights
     radii: Array  # (balls,)
 
 
 @dataclass(frozen=True, eq=False)
 class Underside:
-    """The skin of one body about its joints: of its mesh, or of its capsules where it has none."""
+    """The skin of one body about its joints: its mesh, or without one its capsules."""
 
     body: Body
     capsules: Capsules
@@ -58,49 +58,49 @@ class Underside:
         return find_segments(self.body).of_joint
 
     def below(self, motion: Motion, joints: Numbers, up: Array) -> Array:
-        """Return how far below each joint its lowest skin is, (frames, joints) [file units]; 0 without skin."""
+        """Return the depth below each joint of the lowest skin about it, (frames, joints) [file units]; 0 without."""
         heights, result = heights_of(motion.positions, joints, up), np.zeros((len(motion), len(joints)))
-        skins = [self._once(self._skin_about, joint) for joint in joints.tolist()]
+        skins = [self._cached(self._skin_about, joint) for joint in joints.tolist()]
         known = [column for column, skin in enumerate(skins) if skin is not None]
         for column, lowest in zip(known, _lowest(motion, [skin for skin in skins if skin], up), strict=True):
             result[:, column] = heights[:, column] - lowest
         return result
 
     def reach(self, joint: int) -> float:
-        """Return how far below a joint of trunk or head its skin can be at most [file units]; 0 where there is none."""
-        return self._once(self._reach, joint)
+        """Return the largest possible `below` for a joint of trunk or head [file units]; 0 for other joints."""
+        return self._cached(self._reach, joint)
 
     def foot(self, ankle: int) -> Numbers:
-        """Return the vertices of a foot that can be its lowest; none without a mesh."""
+        """Return the vertices of a foot that can be its lowest, on its convex hulls; none without a mesh."""
         joints = tuple(self.body.skeleton.subtree_at(ankle))
         return _outermost(self.mesh, joints) if self.mesh else np.zeros(0, np.intp)
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
-        """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite where it has none."""
-        skin = self._once(self._skin_of_foot, ankle)
+        """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite without vertices."""
+        skin = self._cached(self._skin_of_foot, ankle)
         return _lowest(motion, [skin], up)[0] if skin else np.full(len(motion), np.inf)
 
     def has_heel(self, ankle: int, sole: Sole) -> bool:
-        """Return whether the skin of a foot that stands flat reaches more than halfway down behind the ankle."""
-        points, radii = self._once(self._points_of_foot, ankle)
+        """Return whether the skin of a flat foot reaches more than halfway down to the sole behind the ankle."""
+        points, radii = self._cached(self._points_of_foot, ankle)
         away = points - self.body.skeleton.rest_positions[ankle]
         heights = away @ sole.normal - radii
         behind = away @ (sole.direction - (sole.direction @ sole.normal) * sole.normal) <= 0.0
         return bool(heights[behind].min(initial=0.0) < HEEL * heights.min(initial=0.0))
 
     def thickness(self, ankle: int, sole: Sole) -> float:
-        """Return how far the skin of a foot that stands flat is below its lowest joint [file units]; 0 without skin."""
-        points, radii = self._once(self._points_of_foot, ankle)
+        """Return the depth of the skin of a flat foot below its lowest joint [file units]; 0 without skin."""
+        points, radii = self._cached(self._points_of_foot, ankle)
         rest = self.body.skeleton.rest_positions[ankle] @ sole.normal - sole.ankle
         return float(rest - (points @ sole.normal - radii).min()) if len(points) else 0.0
 
     @property
     def _rest_ends(self) -> Array:
-        """(capsules, 2, 3), the ends of the capsules while no joint is turned."""
+        """(capsules, 2, 3), the ends of the capsules in the rest pose."""
         return np.asarray(self.capsules.ends + self.body.skeleton.rest_positions[self.capsules.joints, None])
 
-    def _once(self, find: Callable[[int], T], joint: int) -> T:
-        """What one of the methods below returns for a joint, kept for the next call."""
+    def _cached(self, find: Callable[[int], T], joint: int) -> T:
+        """The cached result of one of the methods below for a joint."""
         found, key = vars(self).setdefault("_found", {}), (find.__name__, joint)
         if key not in found:
             found[key] = find(joint)
@@ -112,7 +112,7 @@ class Underside:
         return AROUND * float(away.max(initial=0.0))
 
     def _points_of_foot(self, ankle: int) -> tuple[Array, Array]:
-        """(points, 3) and (points,), the skin of a foot while no joint is turned, as balls."""
+        """The skin of a foot in the rest pose as balls: centres, (points, 3), and radii, (points,)."""
         if self.mesh is not None:
             on = self.foot(ankle)
             return self.mesh.vertices[on], np.zeros(len(on))
@@ -123,7 +123,7 @@ class Underside:
         return self._of_vertices(self.foot(ankle))
 
     def _of_vertices(self, on: Numbers) -> BoundBalls | None:
-        """Some vertices of the mesh; None without any."""
+        """Vertices of the mesh as balls; None without any."""
         if self.mesh is None or not len(on):
             return None
         return self._balls(self.mesh.vertices[on], self.mesh.joints[on], self.mesh.weights[on], np.zeros(len(on)))
@@ -144,7 +144,7 @@ class Underside:
         return self._balls(centres, carriers, np.ones(carriers.shape), (shares * radii).sum(axis=1))
 
     def _balls(self, points: Array, joints: Numbers, weights: Array, radii: Array) -> BoundBalls:
-        """Balls, from centres at rest, (balls, 3), the joints that move them and weights, (balls, n), radii."""
+        """Balls from centres in the rest pose, (balls, 3), their joints and weights, (balls, n), and radii."""
         rest, moving = self.body.skeleton.rest_positions, np.unique(joints[weights > 0.0]).tolist()
         shares = [np.where(joints == joint, weights, 0.0).sum(axis=1) for joint in moving]
         bound = [np.column_stack([points - rest[joint], np.ones(len(points))]) for joint in moving]
@@ -152,8 +152,8 @@ class Underside:
         return BoundBalls(moving, linear, radii)
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
-        """The capsules of a joint's segment and of its neighbours' that hold the joint or nearly, where on the axis of
-        each the joint is, 0 to 1, and the radius there [file units]; (capsules,) each.
+        """The capsules of a joint's and its neighbours' segments that contain the joint or nearly do, the position of
+        the joint along the axis of each, 0 to 1, and the radius there [file units]; (capsules,) each.
         """
         skeleton, ends = self.body.skeleton, self._rest_ends
         bone = ends[:, 1] - ends[:, 0]
@@ -171,7 +171,7 @@ class Underside:
         return not self.body.skeleton.children[joint] and name.endswith("hand")
 
     def _segments_about(self, joint: int) -> Numbers:
-        """The segments of a joint, its parent and its children."""
+        """The segments of a joint, its parent and its children, without duplicates."""
         skeleton = self.body.skeleton
         around = self.segments[[joint, max(skeleton.parents.item(joint), 0), *skeleton.children[joint]]]
         return np.asarray(np.unique(around[around >= 0]))
@@ -182,7 +182,7 @@ class Underside:
         return np.flatnonzero(np.isin(self.capsules.segments, segments))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The vertices that stand for the skin nearer to a joint than `reach`, and for all of segments in `WHOLE`."""
+        """The outermost vertices of the skin nearer to a joint than `reach`, and of all skin of segments in `WHOLE`."""
         segments, away = self.segments[mesh.carriers], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
         for segment in self._segments_about(joint).tolist():
@@ -197,8 +197,7 @@ class Undersides:
 
     source: Underside
     target: Underside
-    # how far the skin of each reaches below the lowest joint of a foot that stands flat, the mean of both feet [file
-    # units]; 0 without legs
+    # the mean `thickness` of both feet, for source and target [file units]; 0 without legs
     soles: tuple[float, float]
     feet_have_mesh: bool  # whether a mesh shows the soles of both of the target's feet
 
@@ -227,14 +226,14 @@ def _lowest(motion: Motion, skins: Sequence[BoundBalls], up: Array) -> list[Arra
     return lowest
 
 
-@found_once
+@rig_cached
 def _underside(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Underside:
     return Underside(body, capsules, mesh)
 
 
 @lru_cache(maxsize=8)
 def _outermost(mesh: SkinnedMesh, joints: tuple[int, ...]) -> Numbers:
-    """The vertices that some joints move most, of each joint those on their convex hull in the rest pose."""
+    """The vertices that some joints move most; for each joint only those on their convex hull in the rest pose."""
     groups = [np.flatnonzero(mesh.carriers == joint) for joint in joints]
     return np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
 

@@ -1,4 +1,4 @@
-"""Which parts of the target's body no joint of the source drives."""
+"""Remarks on parts of the target's body that no joint of the source drives."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from distretarget.body.single_bones import single_bones
 from distretarget.errors import counted, quoted
 from distretarget.matching.matching import Matching
 
-# The name of each part of the body without its side: one, and both or all.
+# The singular and the plural of each part of the body, without its side.
 PARTS = {part: f"{part}s" for part in ("arm", "hand", "leg", "shoulder", "finger", "toe")} | {"foot": "feet"}
 ALL_OF_A_SIDE = {"finger": "fingers", "toe": "toes"}
 PART_OF_ROLE = {
@@ -18,29 +18,29 @@ PART_OF_ROLE = {
     **dict(zip(LEG, ("leg", "leg", "foot", "toe"), strict=True)),
     **{f"{finger}{number}": "finger" for finger in FINGERS for number in (1, 2, 3)},
 }
-LIMB_BONES = {"arm": ARM[1:3], "leg": LEG[:2]}  # of limbs
-NAMED = 3  # so many other joints are named
+LIMB_BONES = {"arm": ARM[1:3], "leg": LEG[:2]}  # the long bones of each limb
+NAMED = 3  # at most so many other joints are named
 
 
 def parts_without_source(matching: Matching) -> Iterator[str]:
-    """Yield a line on limbs of one bone; one on limbs that the source has and that were not recognised in the target,
-    though it has joints enough for them; and one on the parts of its body that no joint of the source drives.
+    """Yield a line on limbs of one bone; one on limbs of the source that are not recognised in the target although it
+    has joints enough for them; and one on the parts of the target's body that no joint of the source drives.
     """
     single = [middle for _, middle, _ in single_bones(matching.target.anatomy) if middle in matching.source.roles]
     if single := [name for name in ("arms", "legs") if any(name[:3].title() in middle for middle in single)]:
-        yield f"{_listed(single)} of the target are one bone each, so those of the source are taken as straight"
+        yield f"{_listed(single)} of the target are one bone each, so those of the source are straightened"
     still = _still(matching)
     anatomy = matching.target.anatomy
     lost = _unrecognised(matching)
     if anatomy and lost and len(set(still) - _of_body(anatomy)) >= 2 * len(lost):
-        yield f"{_listed(lost)} of the target not recognised, so still: a map says which joints they are"
+        yield f"{_listed(lost)} of the target not recognised, so they do not move: name their joints in a map"
     if anatomy and (parts := [*_parts(anatomy, still)]):
         verb = "follow" if len(parts) > 1 or parts[0].endswith("s") else "follows"
         yield f"{_listed(parts)} of the target {verb} nothing"
 
 
 def others_without_source(matching: Matching) -> Iterator[str]:
-    """A line with the other joints that follow only their parents, such as those of hair, if there are any."""
+    """Yield a line on other joints that only follow their parents, such as those of hair, if there are any."""
     anatomy, keys = matching.target.anatomy, matching.target.skeleton.keys
     of_body = _of_body(anatomy) if anatomy else ()
     if others := [keys[joint] for joint in _still(matching) if joint not in of_body]:
@@ -50,26 +50,26 @@ def others_without_source(matching: Matching) -> Iterator[str]:
 
 
 def _unrecognised(matching: Matching) -> list[str]:
-    """The arms and legs that the source has and the target has not, such as "left arm"."""
+    """The arms and legs that the source has and the target lacks, such as "left arm"."""
     source, target = matching.source.roles, matching.target.roles
     limbs = {f"{side} {name}": {side + bone for bone in bones} for name, bones in LIMB_BONES.items() for side in SIDES}
     return [name for name, bones in limbs.items() if bones & source.keys() and not bones & target.keys()]
 
 
 def _still(matching: Matching) -> list[int]:
-    """The joints of the target that follow nothing but their parents."""
+    """The joints of the target that only follow their parents."""
     followers = set(matching.followers)
     return [joint for joint in matching.target.skeleton.joints if matching.target.skeleton.keys[joint] in followers]
 
 
 def _of_body(anatomy: Anatomy) -> set[int]:
-    """The joints of the parts of a body; bones in the palm are none of them."""
+    """The joints of the body that should have a driver: those with roles, except bones in the palm."""
     roles = anatomy.roles.items()
     return {*anatomy.spine, *anatomy.neck, *(joint for role, joint in roles if not role.endswith("0"))}
 
 
 def _parts(anatomy: Anatomy, still: Collection[int]) -> Iterator[str]:
-    """The names of the parts of a body of which some joints are `still`; those of which not all are, with a number."""
+    """The names of parts of a body whose joints are all `still`, and the number of still joints of other parts."""
     joints: dict[str, dict[str, list[int]]] = defaultdict(lambda: defaultdict(list))
     for role, joint in anatomy.roles.items():
         side, name = side_and_part(role)

@@ -112,8 +112,8 @@ def find_faults(motion: Motion) -> Findings:
         findings |= {kind: _in_clip(each, np.arange(begins, len(motion))) for kind, each in found.items()}
         found = _of_steps(settled[changing], body, joints, shots[begins:][changing])
         findings |= {kind: _in_clip(each, begins + changing) for kind, each in found.items()}
-    contradicts = body.up_at_rest is not None and body.found_up not in (None, body.up_at_rest)
-    findings["up_axis"] = Finding(float(contradicts), None, f"{body.found_up} is up" if contradicts else "")
+    contradicts = body.up_at_rest is not None and body.up_in_motion not in (None, body.up_at_rest)
+    findings["up_axis"] = Finding(float(contradicts), None, f"{body.up_in_motion} is up" if contradicts else "")
     findings["sides"] = Finding(float(body.left_is_left is False))
     if motion.frame_time > SLOWEST:
         findings["frame_time"] = Finding(

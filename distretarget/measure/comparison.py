@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.rotation_copy import rest_alignment
 from distretarget.body.body import Body
-from distretarget.contact_entries import Drop
-from distretarget.matching.matching import Matching, by_soles
+from distretarget.contact_entries import DroppedContact
+from distretarget.matching.matching import Matching, cached_by_soles
 from distretarget.measure.contacts import Contacts, find_region_contacts
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.posture import errors_of, find_posture
@@ -25,7 +25,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along, write_directions
 from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skin.capsules import no_capsules
 
 INSTANT = 1 / 60  # the time over which turns, shaking and pops are measured [s]
@@ -87,7 +87,7 @@ class Reference:
             "hips_acceleration": self._acceleration_of_hips(source, 0),
         }
 
-    def without(self, drops: Sequence[Drop], of_joint: Numbers) -> Reference:
+    def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> Reference:
         """Return the reference without the contacts that a user drops; arguments as `SourceSkin.without`."""
         other = copy(self)
         other._skin, other._contacts = self._skin.without(drops, of_joint), self._contacts.without(drops)
@@ -147,7 +147,7 @@ def _turns(motion: Motion, joints: Numbers) -> Array:
     return turns_along(motion.skeleton.parents, motion.rotations, joints)
 
 
-@found_once
+@rig_cached
 def shared_bones(matching: Matching) -> Numbers:
     """(bones,), the lower joints of the target's bones that both bodies have, with a length on both."""
     source, skeleton, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
@@ -155,7 +155,7 @@ def shared_bones(matching: Matching) -> Numbers:
     shared = (drivers >= 0) & (drivers[upper] >= 0) & (skeleton.lengths > 0)
     shared[0] = False
     lower = np.flatnonzero(shared)
-    return np.asarray(lower[source.places[drivers[lower]] != source.places[drivers[upper[lower]]]])
+    return np.asarray(lower[source.coincident[drivers[lower]] != source.coincident[drivers[upper[lower]]]])
 
 
 def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array:
@@ -187,7 +187,7 @@ def expected_directions(source: Motion, matching: Matching) -> Expected:
     return directions
 
 
-@by_soles
+@cached_by_soles
 def _turned_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
     """Return for each of the `shared_bones` the two source joints that turn it, (bones, 2), -1 for none, their blend
     weight, (bones,), and the bone in their axes, (bones, 2, 3).

@@ -15,7 +15,7 @@ import numpy as np
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs
-from distretarget.contact_entries import Drop
+from distretarget.contact_entries import DroppedContact
 from distretarget.distances import MOST_POINTS
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import Track
@@ -24,7 +24,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_pairs import write_nearest
 from distretarget.numerics.moving import largest
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 
 CONTACT_DISTANCE = 0.15  # joints in contact have D below this in the source ...
 NEARER = 0.8  # ... and below this share of their D while arms hang ...
@@ -83,7 +83,7 @@ class Contacts:
         """(rows,), the second target joint of the nearest pair."""
         return self.candidates.v[self.nearest]
 
-    def without(self, drops: Sequence[Drop]) -> Contacts:
+    def without(self, drops: Sequence[DroppedContact]) -> Contacts:
         """Return the contacts without those that a user drops."""
         is_left = ~np.any([drop.matches(self.u, self.v) & drop.frames[self.frame] for drop in drops], axis=0)
         rows = (self.frame, self.regions, self.nearest, self.distance_source, self.distance_result)
@@ -147,7 +147,7 @@ def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -
     return Contacts(candidates, strides, frame, regions, pair, D, D)
 
 
-@found_once
+@rig_cached
 def find_candidates(matching: Matching) -> Candidates:
     """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree.
 
@@ -157,7 +157,7 @@ def find_candidates(matching: Matching) -> Candidates:
     source, target = matching.source.skeleton, matching.target.skeleton
     drivers, regions = matching.drivers, matching.regions
     driven = np.flatnonzero(drivers >= 0)
-    places = np.stack([target.places[driven], source.places[drivers[driven]]])
+    places = np.stack([target.coincident[driven], source.coincident[drivers[driven]]])
     points = target.on_longest_branches(np.sort(driven[np.unique(places, axis=1, return_index=True)[1]]), MOST_POINTS)
     upper = np.triu_indices(len(points), 1)
     u, v = (points[end] for end in upper)

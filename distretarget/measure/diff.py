@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
-from distretarget.baseline.rotation_copy import find_root_scale, followed_scale, longest_strides
-from distretarget.baseline.world import World, find_root_offset, find_world, on_own_soles, with_root_offset
+from distretarget.baseline.rotation_copy import common_level_scale, find_root_scale, longest_strides
+from distretarget.baseline.world import World, find_root_offset, find_world, raised_onto_soles, with_root_offset
 from distretarget.body.body import Body
 from distretarget.body.build import capsules_of
 from distretarget.checks import check_kind, check_number
@@ -98,7 +98,7 @@ def diff(
     world = find_world(*bodies, source_up=a_up, target_up=b_up)
     notes = list(turned_note(world))
     source, target = world.to_target_axes(bodies[0]), bodies[1].with_up(world.up)
-    matching = on_own_soles(match(source, target, joint_map))
+    matching = raised_onto_soles(match(source, target, joint_map))
     a, b = matching.source_motion, replace(b, skeleton=b.rigid_skeleton)
     if find_root_offset(target, world.up_vector) == "added":
         b = with_root_offset(b)
@@ -183,7 +183,7 @@ def diff_scenes(
     """
     _check_scenes(performers, props, world_scale)
     first, matchings, frames = performers[0], [each.matching for each in performers], min(map(len, performers))
-    scale = world_scale or followed_scale([*map(find_root_scale, matchings)], [*map(longest_strides, matchings)])
+    scale = world_scale or common_level_scale([*map(find_root_scale, matchings)], [*map(longest_strides, matchings)])
     placed = tuple(
         (prop_in_world(a, first.world, frames, first.b.frame_time_text), b[np.minimum(np.arange(frames), len(b) - 1)])
         for a, b in props

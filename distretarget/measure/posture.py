@@ -133,12 +133,12 @@ def _head_axes(body: Body, head: int) -> Axes:
     """
     if body.up_at_rest:
         return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
-    if body.motion is None or body.moving is None or len(body.motion) < LEAST_FRAMES:
+    if body.motion is None or body.in_motion is None or len(body.motion) < LEAST_FRAMES:
         return UNKNOWN
     neck = body.skeleton.parents[head]
     turns = Rotation.from_quat(body.motion.world_rotations_of(head)).inv()
     up = normalised(turns.apply(direction(body.motion.positions, neck, head)).sum(axis=0))
-    forward = turns.apply(body.moving.axes[:, :, 2]).sum(axis=0)
+    forward = turns.apply(body.in_motion.axes[:, :, 2]).sum(axis=0)
     along = _axis_near(direction(body.rest.positions, neck, head), ON_AXIS)
     if not along.any():
         return up, normalised(level(forward, up))
@@ -183,10 +183,10 @@ def _along_foot(body: Body, leg: Leg, up: Array) -> Array:
 
 def _mean_axes(body: Body, joint: int, frames: Flags) -> Axes:
     """The mean directions up, and in which the body faces, in the axes of a joint over some frames; or `UNKNOWN`."""
-    if body.motion is None or body.moving is None or np.count_nonzero(frames) < LEAST_FRAMES:
+    if body.motion is None or body.in_motion is None or np.count_nonzero(frames) < LEAST_FRAMES:
         return UNKNOWN
     turns = Rotation.from_quat(body.motion.world_rotations_of(joint)[frames]).inv()
-    up, forward = body.up_vector, level(body.moving.axes[frames, :, 2], body.up_vector)
+    up, forward = body.up_vector, level(body.in_motion.axes[frames, :, 2], body.up_vector)
     return normalised(turns.apply(up).sum(axis=0)), normalised(turns.apply(forward).sum(axis=0))
 
 

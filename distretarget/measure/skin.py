@@ -18,7 +18,7 @@ from distretarget.measure.part_frames import PartFrames, find_part_frames
 from distretarget.measure.skin_depths import PARTS, Patches, find_depths
 from distretarget.measure.solid_depths import Solids
 from distretarget.measure.solids import solids_of_capsules, solids_of_mesh, strongest, welded
-from distretarget.numerics.vectors import Array, Flags, Numbers, halves, lengths, normalised, spread_out
+from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, farthest_points, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -112,10 +112,10 @@ def patches_of(points: SkinPoints, rest: Array) -> Patches:
         on = np.flatnonzero(points.parts == part)
         chosen = on
         if len(on):
-            chosen = on[spread_out(places[on], _most(part))]
+            chosen = on[farthest_points(places[on], _most(part))]
             counts[chosen] = np.bincount(KDTree(places[chosen]).query(places[on])[1], minlength=len(chosen))
         for joint in np.unique(joints[chosen]).tolist():
-            for patch in halves(offsets, chosen[joints[chosen] == joint], PATCH):
+            for patch in bisected(offsets, chosen[joints[chosen] == joint], PATCH):
                 middle = offsets[patch].mean(axis=0)
                 patches.append((joint, len(order)))
                 balls.append((*middle, BLENDED * lengths(offsets[patch] - middle).max()))
@@ -209,7 +209,7 @@ def _of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: tuple[int, ...]) -
 
 def _skin(points: SkinPoints, solids: Solids, body: Body) -> Skin:
     """The skin of these points, without those that are inside in the bind pose or where skin folds."""
-    rest, unturned = body.skeleton.rest_positions, body.skeleton.unturned
+    rest, unturned = body.skeleton.rest_positions, body.skeleton.rest_rotations
     reach = np.where(TOUCHABLE[points.parts], 0.0, -np.inf)
     depths = find_depths(one_by_one(points), solids, (rest[None], unturned[None]), reach[None])[0][0]
     points = points[(depths.max(axis=1, initial=0.0) <= 0.0) & ~_folds(points, body)]

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
-from distretarget.contact_entries import Drop
+from distretarget.contact_entries import DroppedContact
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.part_frames import PART_OF, difference
 from distretarget.measure.skin import OWN_ARM, Skin, are_parts
@@ -22,7 +22,7 @@ from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
 from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
-from distretarget.numerics.time_series import lasting, spans_of
+from distretarget.numerics.time_series import opening, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS
 
@@ -85,7 +85,7 @@ class SourceSkin:
     gaps: Array  # (touches,), negative where the source overlaps [% of height]
     coordinates: Array  # (touches, 3), the place on the segment, as `PartFrames.coordinates`
 
-    def without(self, drops: Sequence[Drop], of_joint: Numbers) -> SourceSkin:
+    def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
         """Return it without touches that a user drops; with a hand, its forearm is dropped. `of_joint`, (joints,), has
         the segments of the target's joints, or -1.
         """
@@ -317,7 +317,7 @@ def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
         return hangs, hangs
     parts = [*body.skeleton.subtree(arm.wrist)], [arm.elbow, arm.wrist]
     in_front = [~_beside(body, positions, joints) for joints in parts]  # or behind
-    hand_lasts, forearm_lasts = (lasting(each.astype(float), LASTS / motion.frame_time) > 0.0 for each in in_front)
+    hand_lasts, forearm_lasts = (opening(each.astype(float), LASTS / motion.frame_time) > 0.0 for each in in_front)
     return hangs & ~hand_lasts, ~np.where(hangs, forearm_lasts, in_front[1])
 
 

@@ -25,7 +25,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.moving import largest
 from distretarget.numerics.quaternions import turned_by
-from distretarget.numerics.time_series import over_runs
+from distretarget.numerics.time_series import run_means
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
 from distretarget.skin.capsules import SEGMENTS
 
@@ -169,7 +169,7 @@ def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | 
     carried = [matching.target.skeleton.subtree_at(leg.ankle) for leg in legs[1]]
     shown = skin is not None and skin.of_mesh and all(len(skin.on(foot)) for foot in carried)
     columns = zip(paths.sole.T, rests.T, strict=True)
-    means = [over_runs(sole[:, None], rest.astype(float)) for sole, rest in columns] if shown else []
+    means = [run_means(sole[:, None], rest.astype(float)) for sole, rest in columns] if shown else []
     return SourceFeet(
         up=up,
         feet=feet,
@@ -295,7 +295,7 @@ def _holds(source: Motion, matching: Matching, joints: Numbers, leg: float) -> F
         return lengths(largest(paths, reach) + largest(-paths, reach))
 
     def base_of(joint: int) -> int:
-        above = [each for each in matching.target.skeleton.line(joint) if drivers[each] >= 0]
+        above = [each for each in matching.target.skeleton.to_root(joint) if drivers[each] >= 0]
         return next((each for each in above if names[of_joint[each]] in BASES), joint)
 
     ends = np.flatnonzero([names[region] in ENDS for region in of_joint[joints].tolist()])

@@ -1,1 +1,1 @@
-"""Numbers that know no body: rotations, Euler angles, shots, smoothing over time, the stress of a posture."""
+"""Numerics without knowledge of bodies: rotations, kinematics of trees, Euler angles, smoothing, shots; compilation."""

@@ -1,8 +1,8 @@
-"""Build the library of compiled functions: numba compiles them, llvmlite makes an object of each kind of processor's.
+"""Build the library of compiled functions: numba compiles them, llvmlite makes an object for each kind of processor.
 
     python -m distretarget.numerics.build FOLDER [PLATFORM]
 
-It needs numba, and to link the system's `cc`, or for another platform the package ziglang. `hatch_build.py` runs it.
+It needs numba, and a linker: the system's `cc`, or for other platforms the package ziglang. `hatch_build.py` runs it.
 """
 
 from __future__ import annotations
@@ -48,17 +48,17 @@ PLATFORMS = {
     "win32-x86_64": Platform("x86_64-pc-windows-gnu", "x86_64-windows-gnu", "win_amd64", ".dll", X86),
 }
 FEATURES = {"x86-64-v3": "+avx,+avx2,+bmi,+bmi2,+cx16,+f16c,+fma,+lzcnt,+movbe,+popcnt,+sahf,+sse4.2,+xsave"}
-FOREIGN = {"cos", "sin", "sqrt"}  # functions of the system that the library may call, beside those that LLVM adds
+EXTERNAL = {"cos", "sin", "sqrt"}  # system functions that the library may call, besides those that LLVM adds
 CONTIGUOUS, ALIGNED, WRITEABLE = 0x1, 0x100, 0x400  # numpy's flags of arrays
-NUMBERS = {"int64": ("i64", "fptosi"), "bool": ("i1", "fptoui"), "float64": ("double", "")}  # of Python's floats
-LENGTHS, STRIDES = 16, 24  # where numpy's arrays have them, after the head of an object; data come first
+NUMBERS = {"int64": ("i64", "fptosi"), "bool": ("i1", "fptoui"), "float64": ("double", "")}  # from Python's floats
+SHAPE, STRIDES = 16, 24  # their offsets in numpy's arrays, from the data pointer, which follows the object's head
 
 
 def build(folder: Path, other: str | None = None) -> str:
-    """Write the library and its manifest to a folder, for this machine or for a platform; return a line about it.
+    """Write the library and its manifest to a folder, for this or another platform; return a line about it.
 
     Raises:
-        SystemExit: the platform is unknown, a function does not compile, or nothing here can link the library.
+        SystemExit: the platform is unknown, a function does not compile, or there is no linker.
     """
     platform = other or this_platform()
     if platform not in PLATFORMS:
@@ -92,7 +92,7 @@ def _sources() -> list[Path]:
 
 
 def _link(objects: list[Path], library: Path, zig: str | None) -> None:
-    """Link by the system's compiler, or for another platform, or without one, by zig."""
+    """Link by the system's compiler; by zig for another platform, or without a compiler."""
     if zig is None and shutil.which("cc"):
         command = ["cc"]
     elif find_spec("ziglang"):
@@ -104,7 +104,7 @@ def _link(objects: list[Path], library: Path, zig: str | None) -> None:
 
 
 def write_object(path: Path, triple: str, cpu: str) -> None:
-    """Write an object with all functions, as numba compiles them, for a kind of processor; and their types as JSON."""
+    """Write an object file of all functions for a kind of processor, and the types of their arguments as JSON."""
     import llvmlite.binding as llvm
 
     llvm.initialize_all_targets()
@@ -125,22 +125,22 @@ def write_object(path: Path, triple: str, cpu: str) -> None:
     passes.add_global_dead_code_eliminate_pass()
     passes.add_strip_dead_prototype_pass()
     passes.run(whole, llvm.create_pass_builder(machine, llvm.create_pipeline_tuning_options()))
-    foreign = {each.name for each in whole.functions if each.is_declaration and not each.name.startswith("llvm.")}
-    if foreign - FOREIGN:
-        raise SystemExit(f"distretarget: not every system has {', '.join(sorted(foreign - FOREIGN))}")
+    external = {each.name for each in whole.functions if each.is_declaration and not each.name.startswith("llvm.")}
+    if external - EXTERNAL:
+        raise SystemExit(f"distretarget: not every system has {', '.join(sorted(external - EXTERNAL))}")
     path.write_bytes(machine.emit_object(whole))
     path.with_suffix(".json").write_text(json.dumps(types))
 
 
 def _compile() -> Iterator[tuple[str, str, str, list[Any]]]:
-    """Yield each function that Python calls: its symbol, its name in LLVM's language, its text with all that it calls,
-    and what it takes.
+    """Yield each function that Python calls: its symbol, its name in LLVM IR, its IR with all functions that it calls,
+    and its arguments (`_leaves`).
     """
     from numba.core import compiler, compiler_lock, cpu_options, registry
 
     for path in _sources():
         importlib.import_module(".".join(("distretarget", *path.relative_to(PACKAGE).with_suffix("").parts)))
-    introduce_parts()
+    register_inlined()
     contexts = registry.cpu_target.typing_context, registry.cpu_target.target_context
     contexts[1].refresh()
     for call, fastmath in compiled.functions:
@@ -158,17 +158,17 @@ def _compile() -> Iterator[tuple[str, str, str, list[Any]]]:
         yield symbol_of(function), made.fndesc.mangled_name, made.library.get_llvm_str(), leaves
 
 
-def introduce_parts() -> None:
-    """Make known to numba what compiled functions may call; no array is allocated, so no references are counted."""
+def register_inlined() -> None:
+    """Register inlined functions with numba; no array is allocated, so no references are counted."""
     from numba.extending import register_jitable
 
-    while compiled.parts:
-        part, fastmath = compiled.parts.pop()
-        register_jitable(fastmath=fastmath, forceinline=True, error_model="numpy", _nrt=False)(part)
+    while compiled.inlined_functions:
+        function, fastmath = compiled.inlined_functions.pop()
+        register_jitable(fastmath=fastmath, forceinline=True, error_model="numpy", _nrt=False)(function)
 
 
 def _numba_type(hint: Any, written: bool) -> Any:
-    """What numba calls a type; arrays in tuples may be written to."""
+    """The numba type of a type hint; arrays in tuples may be written to."""
     from numba import from_dtype, types
 
     if get_origin(hint) is Annotated:
@@ -181,7 +181,7 @@ def _numba_type(hint: Any, written: bool) -> Any:
 
 
 def _leaves(given: Any, flags: int) -> Iterator[Any]:
-    """Yield the dtype, axes and flags of each array in a type of numba's, and the name of the type of each number."""
+    """Yield dtype, axes and flags of each array in a numba type, and the name of the type of each number."""
     if hasattr(given, "layout"):
         yield given.dtype.name.replace("boolean", "bool"), given.ndim, flags
     elif hasattr(given, "types"):
@@ -192,9 +192,8 @@ def _leaves(given: Any, flags: int) -> Iterator[Any]:
 
 
 def _entry(symbol: str, head: str, name: str, leaves: list[Any]) -> str:
-    """The function of the library, in LLVM's language: it takes a list of addresses of arrays and floats, and calls the
-    function `name` with what is there. numba passes an array as two owners, number and size of items, data, lengths
-    and strides.
+    """The entry function in LLVM IR: it takes a list of addresses of arrays and floats, and calls the function `name`
+    with their content. numba passes an array as two owners, number and size of items, data, shape and strides.
     """
     lines: list[str] = []
 
@@ -213,7 +212,7 @@ def _entry(symbol: str, head: str, name: str, leaves: list[Any]) -> str:
             given.append(f"{kind} {made(f'{how} double {value} to {kind}') if how else value}")
             continue
         lengths, strides = (
-            [at(at(body, field), 8 * axis, "i64") for axis in range(leaf[1])] for field in (LENGTHS, STRIDES)
+            [at(at(body, field), 8 * axis, "i64") for axis in range(leaf[1])] for field in (SHAPE, STRIDES)
         )
         count = functools.reduce(lambda one, other: made(f"mul i64 {one}, {other}"), lengths)
         given += ["ptr null", "ptr null", f"i64 {count}", f"i64 {np.dtype(leaf[0]).itemsize}", f"ptr {at(body, 0)}"]

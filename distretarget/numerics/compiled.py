@@ -1,4 +1,4 @@
-"""Functions that are compiled when the package is built (`numerics.build`), and the library that holds their code.
+"""Functions that are compiled when the package is built (`numerics.build`), and the library with their code.
 
 The library is loaded when the first of them is called. It takes the addresses of numpy's arrays and Python's floats.
 """
@@ -22,8 +22,8 @@ from distretarget.errors import LibraryError
 
 PACKAGE = Path(__file__).parent.parent
 LIBRARY = Path(__file__).with_name("kernels" + {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so"))
-MANIFEST = LIBRARY.with_suffix(".json")  # what is known of the library, and the types that its functions take
-# The instructions that code for a kind of processor needs, as numpy calls them since its release 2.4, and before.
+MANIFEST = LIBRARY.with_suffix(".json")  # platform, digests of library and sources, argument types of functions
+# The instruction sets that code for a kind of processor needs, by numpy's names since its release 2.4, and before.
 INSTRUCTIONS = {"x86-64-v3": ({"X86_V3"}, {"AVX2", "FMA3"})}
 
 Function = TypeVar("Function", bound=Callable[..., Any])
@@ -32,7 +32,7 @@ T = TypeVar("T")
 
 @dataclass(frozen=True)
 class ArrayKind:
-    """The contiguous arrays that a compiled function takes: their dtype and their number of axes."""
+    """A kind of contiguous arrays that a compiled function takes: dtype and number of axes."""
 
     dtype: str
     axes: int
@@ -40,16 +40,16 @@ class ArrayKind:
 
 WRITTEN = "written"
 Out = Annotated[T, WRITTEN]  # an array that the function writes to
-functions: list[Any] = []  # those that Python calls
-parts: list[tuple[Callable[..., Any], bool]] = []  # those that they call, and whether with fastmath
+functions: list[Any] = []  # compiled functions, each with whether it uses fastmath; so are inlined ones
+inlined_functions: list[tuple[Callable[..., Any], bool]] = []
 
 
 def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
-    """Decorate a function that Python calls. Its module imports numpy, the standard library, and such modules alone.
+    """Decorate a function that Python calls. Its module imports only numpy, the standard library and such modules.
 
-    Its annotations say what it takes: float, int, bool, arrays (`numerics.vectors`: F2, I1, ...; `Out` where it writes)
-    and named tuples of these; it returns None or an int. It allocates nothing: callers give the arrays that it writes
-    to. Several threads may run it at the same time. `__wrapped__` is the function as Python.
+    Its arguments are annotated as float, int, bool, arrays (`numerics.vectors`: F2, I1, ...; `Out` if it writes to
+    them) or named tuples of these; it returns None or an int. It allocates nothing: it writes to arrays of the caller.
+    Several threads may run it at the same time. `__wrapped__` is the Python function.
 
     Raises:
         TypeError: an argument is of another type.
@@ -75,17 +75,17 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
 
 
 def inlined(*, fastmath: bool = False) -> Callable[[Function], Function]:
-    """Decorate a function whose code becomes a part of the compiled functions that call it. Python runs it as it is."""
+    """Decorate a function that is inlined into compiled functions; Python calls the function itself."""
 
     def decorate(function: Function) -> Function:
-        parts.append((function, fastmath))
+        inlined_functions.append((function, fastmath))
         return function
 
     return decorate
 
 
 def _checked(function: Callable[..., Any], arguments: tuple[Any, ...], kinds: list[Any]) -> list[Any]:
-    """The arrays and, as floats, the numbers in the arguments and their tuples, if they are of these kinds."""
+    """The arrays and, as floats, the numbers in the arguments and their tuples; a TypeError for other `kinds`."""
     given: list[Any] = []
     _collect(arguments, given)
     for n, (each, kind) in enumerate(zip(given, kinds, strict=False)):
@@ -110,14 +110,14 @@ def _collect(arguments: tuple[Any, ...], given: list[Any]) -> None:
 
 @dataclass(frozen=True)
 class Library:
-    """The loaded library, the kind of processor whose code is used, and the types that its functions take."""
+    """The loaded library, the kind of processor whose code is used, and the argument types of its functions."""
 
     code: ctypes.CDLL
     cpu: str
     types: dict[str, list[Any]]
 
     def entry(self, function: Callable[..., Any]) -> tuple[Any, list[Any]]:
-        """Return the code of a function, and the kinds of what it takes: dtype, axes, flags, or None for a number."""
+        """Return the code of a function, and the kinds of its arguments: dtype, axes, flags, or None for a number."""
         name = symbol_of(function)
         if name not in self.types:
             raise LibraryError(LIBRARY, f"has no code of {function.__module__}.{function.__qualname__}", _remedy())
@@ -143,7 +143,7 @@ def loaded() -> Library:
         raise LibraryError(LIBRARY, "is missing", _remedy()) from None
     except (OSError, ValueError) as error:
         raise LibraryError(LIBRARY, f"cannot be loaded here ({error})", _remedy()) from None
-    # numpy's interface for C fixes what follows the head of an object, whose size depends on how Python was built.
+    # numpy's C interface fixes the layout after the head of an object; its size depends on the build of Python.
     head, example = object.__basicsize__, np.zeros(1)
     if (
         sys.implementation.name != "cpython"
@@ -156,7 +156,7 @@ def loaded() -> Library:
 
 
 def _differs(path: Path, old: str) -> bool:
-    """Whether a source is there and not what was compiled."""
+    """Whether a source file exists and differs from the one that was compiled."""
     return path.exists() and digest(path.read_bytes()) != old
 
 
@@ -179,10 +179,10 @@ def this_platform() -> str:
 
 
 def symbol_of(function: Callable[..., Any]) -> str:
-    """Return the name of a function in the library, without the kind of processor."""
+    """Return the symbol of a function in the library, without the prefix of the kind of processor."""
     return f"{function.__module__}_{function.__qualname__}".removeprefix("distretarget.").replace(".", "_")
 
 
 def digest(content: bytes) -> str:
-    """Return what a file is known by, whatever its line ends are."""
+    """Return a hash of a file's content that does not depend on its line ends."""
     return hashlib.sha256(content.replace(b"\r\n", b"\n")).hexdigest()

@@ -14,17 +14,17 @@ from distretarget.numerics.vectors import F1, F2, F3, I1, I2, Array, Numbers
 DEGREE, RADIAN = np.pi / 180.0, 180.0 / np.pi  # [rad], [degrees]
 TURN = 2.0 * np.pi
 
-LOCKED = 1e-13  # below this the sine that separates the first angle from the last is rounding noise
-NEARLY_LOCKED = 1e-4  # below this the noise would reach the first two angles where the last is dropped
+LOCKED = 1e-13  # a smaller sine between the first and the last angle is rounding noise
+NEARLY_LOCKED = 1e-4  # with a smaller one, noise would reach the first two angles if the last is dropped
 
 
 def euler_angles(rotations: Array, axes: str) -> Array:
     """Return the intrinsic Euler angles, (frames, len(axes)) [rad], of rotations, (frames, 4): R = R_axes[0] R_axes[1]
     R_axes[2], with up to three different `axes` in the order of the channels: "ZXY", "ZX", "Y", "".
 
-    Of all angles of a rotation, each frame takes those nearest to the previous frame's, and the first frame the
-    smallest. At gimbal lock the first angle keeps its value. Two axes give the first two of three angles, which point
-    the third axis as the rotation does; one axis gives the twist about it.
+    Of the triples of angles of a rotation, each frame takes the one nearest to the previous frame's, and the first the
+    smallest. At gimbal lock the first angle keeps its value. Two axes give the first two of three angles, which orient
+    the third axis; one axis gives the twist about it.
     """
     if not axes:
         return np.empty((len(rotations), 0))
@@ -38,7 +38,7 @@ def euler_angles(rotations: Array, axes: str) -> Array:
 
 
 def angle_state(joints: int) -> Array:
-    """Return the state of `write_channel_angles` before the first frame, (joints, 11)."""
+    """Return the initial state of `write_channel_angles`, (joints, 11)."""
     return np.zeros((joints, 11))
 
 
@@ -49,7 +49,7 @@ def write_channel_angles(
     `unit` per radian]; the inverse of `write_channel_rotations`, see `euler_angles`.
 
     The `rotations` are (frames, all joints, 4); the angles of the `joints`, (joints,), go to the `columns`, (joints,
-    3). The `state` (`angle_state`) becomes that of the last frame, from which the next frames continue.
+    3). The `state` (`angle_state`) is updated to that of the last frame, to continue with the next frames.
     """
     _, parity = _order(axes)
     for block in blocks_of(len(rotations)):
@@ -62,7 +62,7 @@ def write_channel_angles(
 
 def _half_sums(rotations: Array, axes: str) -> tuple[Array, Array, Array, Array]:
     """(...), i + k, w + j, i - k and w - j of quaternions (..., 4), with i, j, k in the order of the axes, and k and
-    gamma times its parity.
+    gamma multiplied by its parity.
 
     (w + j, i + k) = sqrt(2) sin(beta + pi/4) (cos, sin)(alpha + gamma) and
     (w - j, i - k) = sqrt(2) cos(beta + pi/4) (cos, sin)(alpha - gamma), after E. Bernardes and S. Viollet,
@@ -80,10 +80,10 @@ def _write_angles(halves: F3, parity: float, state: Out[F2], unit: float, column
 
     `halves`, (6, frames, joints), are the total and the difference of the half angles, half of the middle angle, and
     from row 4 on the sine and the cosine of `_half_sums`. `state`, (joints, 11), is that of the last frame: its angles,
-    those of the chosen twin before and after whole turns are added, the first angle, and whether the twin is chosen.
+    the chosen ones, the whole turns added to these, the first angle to hold at gimbal lock, and the choice of the twin.
 
-    At gimbal lock the first angle is held. Of each triple and its twin (a + pi, pi - b, c + pi), whichever is nearer to
-    the previous choice is taken. Two neighbours either change sides or not, so the choice is a running parity.
+    At gimbal lock the first angle is held. Of each triple and its twin (a + pi, pi - b, c + pi), the one nearer to the
+    previous frame's choice is taken. It is found by whether the choice changes between neighbouring frames.
     """
     for frame in range(halves.shape[1]):
         for n in range(len(columns)):
@@ -96,9 +96,9 @@ def _write_angles(halves: F3, parity: float, state: Out[F2], unit: float, column
             else:
                 last[9] = total + difference
             a, b, c = total + difference, 2.0 * halves[2, frame, n] - np.pi / 2, parity * (total - difference)
-            kept = _turn(a - last[0]) ** 2 + _turn(b - last[1]) ** 2 + _turn(c - last[2]) ** 2
-            changed = _turn(a + np.pi - last[0]) ** 2 + _turn(np.pi - b - last[1]) ** 2
-            if changed + _turn(c + np.pi - last[2]) ** 2 < kept:
+            same = _turn(a - last[0]) ** 2 + _turn(b - last[1]) ** 2 + _turn(c - last[2]) ** 2
+            other = _turn(a + np.pi - last[0]) ** 2 + _turn(np.pi - b - last[1]) ** 2
+            if other + _turn(c + np.pi - last[2]) ** 2 < same:
                 last[10] = 1.0 - last[10]
             last[0], last[1], last[2] = a, b, c
             if last[10] > 0.0:
@@ -115,7 +115,7 @@ def _write_angles(halves: F3, parity: float, state: Out[F2], unit: float, column
 
 @inlined()
 def _turn(step: float) -> float:
-    """A step between angles, the short way round."""
+    """A step between angles, from -pi to pi."""
     return step - TURN * np.rint(step / TURN)  # type: ignore[no-any-return]
 
 
@@ -175,16 +175,15 @@ def _order(axes: str) -> tuple[Numbers, float]:
 
 
 def restrict(rotations: Array, axes: str) -> Array:
-    """The rotations, (frames, 4), that a joint with these channels makes of `rotations`, (frames, 4)."""
+    """The rotations, (frames, 4), that a joint with channels about `axes` has for `rotations`, (frames, 4)."""
     if len(axes) == 3:
         return rotations
     return from_euler_angles(euler_angles(rotations, axes), axes)
 
 
 def _two_angles(a: Array, b: Array, c: Array, d: Array) -> Array:
-    """(frames, 2), the first two angles of three, or of their twins, whichever have the last below a right angle. Near
-    the lock the last counts as 0, or as half a turn where the twins are taken. a to d are those of
-    `_half_sums`, (frames,) each.
+    """(frames, 2), the first two angles of the triple, or of its twin, whose last angle is below a right angle. Near
+    gimbal lock the last angle counts as 0, or as pi if the twin is taken. a to d are the `_half_sums`, (frames,) each.
     """
     total, difference, sine, cosine = np.arctan2(a, b), np.arctan2(c, d), np.hypot(b, a), np.hypot(d, c)
     turned_over = np.cos(total - difference) < 0

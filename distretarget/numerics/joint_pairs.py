@@ -1,4 +1,4 @@
-"""How near pairs of points come to each other. Compiled."""
+"""Distances of pairs of points over the frames of a motion. Compiled."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from distretarget.numerics.vectors import B1, F1, F2, F3, I1, S2, Array, Flags, 
 
 
 def come_near(a: Array, b: Array, u: Numbers, v: Numbers, reach: Array) -> Flags:
-    """(pairs,), whether points u of `a` and v of `b`, (frames, points, 3), ever come closer than `reach`, (pairs,),
-    moving straight from frame to frame.
+    """(pairs,), whether points u of `a` and v of `b`, (frames, points, 3), come closer than `reach`, (pairs,), with
+    straight paths from frame to frame.
     """
     near = np.zeros(len(u), np.bool_)
     a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
@@ -38,12 +38,12 @@ def _mark_near(a: F3, b: F3, u: I1, v: I1, reach: F1, near: Out[B1]) -> None:
 
 
 def least_distances(a: Array, b: Array, u: Numbers, v: Numbers, tau: Array, shots: Numbers) -> tuple[Array, Array]:
-    """D, the distances between points u of `a` and v of `b`, (frames, points, 3), over paths, and the least D from
-    half a frame before to half a frame after each, so that what passes between frames is not missed; (frames, pairs).
+    """D, the distances between points u of `a` and v of `b`, (frames, points, 3), over path lengths `tau`, (pairs,),
+    and the least D from half a frame before to half a frame after each frame; both (frames, pairs).
 
-    Points move straight from frame to frame, but not across the cuts between `shots`, (frames,). Where they come nearer
-    or go away for a single frame and turn back, it may be a fault of the capture, and counts for nothing: the least D
-    is then the median of three frames, and the frames before and after do not look there.
+    Paths are straight from frame to frame, but not across the cuts between `shots`, (frames,). An approach or departure
+    of a single frame may be a fault of the capture and is ignored: the least D is then the median of three frames, and
+    the frames before and after do not interpolate to that frame.
     """
     D, least = np.empty((2, len(a), len(u)))
     _write_least(np.ascontiguousarray(a), np.ascontiguousarray(b), u, v, tau, shots, D, least)
@@ -77,16 +77,16 @@ def _write_least(a: F3, b: F3, u: I1, v: I1, tau: F1, shots: I1, D: Out[F2], lea
                 ox = a[other, i, 0] - b[other, j, 0] - x
                 oy = a[other, i, 1] - b[other, j, 1] - y
                 oz = a[other, i, 2] - b[other, j, 2] - z
-                way, along = ox * ox + oy * oy + oz * oz, x * ox + y * oy + z * oz
+                step, along = ox * ox + oy * oy + oz * oz, x * ox + y * oy + z * oz
                 if along < 0.0:
-                    s = min(-along / way, 0.5)
-                    square = min(square, (d * tau[pair]) ** 2 + s * (2.0 * along + s * way))
+                    s = min(-along / step, 0.5)
+                    square = min(square, (d * tau[pair]) ** 2 + s * (2.0 * along + s * step))
             least[frame, pair] = min(np.sqrt(max(square, 0.0)) / tau[pair], d)
 
 
 @inlined()
 def _is_fault(a, b, i, j, D, shots, frame, pair):  # type: ignore[no-untyped-def]
-    """Whether D is above or below those of both frames beside it, and the points have come back."""
+    """Whether D has a peak or a dip of a single frame after which the points turn back."""
     if frame == 0 or frame == len(D) - 1 or shots[frame - 1] != shots[frame] or shots[frame + 1] != shots[frame]:
         return False
     one, other, back = D[frame, pair] - D[frame - 1, pair], D[frame, pair] - D[frame + 1, pair], 0.0
@@ -100,8 +100,9 @@ def _is_fault(a, b, i, j, D, shots, frame, pair):  # type: ignore[no-untyped-def
 
 @compiled()
 def write_nearest(positions: F3, u: I1, v: I1, limits: F1, ends: I1, nearest: Out[S2]) -> None:
-    """Write the nearest pair of joints of each pair of regions, whose squared distance is smallest relative to its
-    limit, (pairs of joints,); -1 where none is below it. `ends` are the first pairs of each, and their number.
+    """Write the index of the nearest pair of joints u, v of each pair of regions: the one with the smallest ratio of
+    squared distance to its limit, in `limits`; -1 if no ratio is below 1. A pair of regions has the pairs of joints
+    from one of `ends` to the next.
     """
     for frame in range(len(nearest)):
         x = positions[frame]

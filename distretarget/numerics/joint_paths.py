@@ -1,4 +1,4 @@
-"""Heights, steps, speeds and turns of joints over the frames of a motion, and when they keep their places.
+"""Heights, steps, speeds and rotation angles of joints over the frames of a motion, and joints that stand still.
 
 Positions and paths are (frames, all joints, 3), in any unit; quaternions are x y z w, as in scipy.
 """
@@ -101,8 +101,8 @@ def _write_thirds(paths: F3, joints: I1, means: Out[F1]) -> None:
 
 
 def turns_along(parents: Numbers, rotations: Array, joints: Numbers) -> Array:
-    """(frames - 1, joints), the angles by which joints turn in the world to the next frame [rad]; `rotations`, (frames,
-    all joints, 4), are local. The distance of two unit quaternions is 2 sin(angle / 4); q and -q are the same rotation.
+    """(frames - 1, joints), the angles by which joints rotate in the world to the next frame [rad]; `rotations`,
+    (frames, all joints, 4), are local. Unit quaternions have the distance 2 sin(angle / 4); q and -q are the same.
     """
     apart = np.empty((max(len(rotations) - 1, 0), len(joints)))
     _write_apart(parents, np.ascontiguousarray(rotations), joints, np.empty((2, len(parents), 4)), apart)
@@ -155,27 +155,27 @@ def _write_speeds(paths: F3, joints: I1, frame_time: float, speeds: Out[F2]) -> 
 def write_directions(
     positions: F3, upper: I1, lower: I1, world: F3, turning: I2, blend: F1, bones: F3, directions: Out[F3]
 ) -> None:
-    """Write the directions from the joints `upper` to `lower`, (bones,) each; of bones that joints turn, (bones, 2) or
-    -1, those of `bones`, (bones, 2, 3), with the world rotations R of both joints, blended: R A b.
+    """Write the vectors from the joints `upper` to `lower`, (bones,) each. A bone with `turning` joints, (bones, 2) or
+    -1, has its vectors in `bones` instead, (bones, 2, 3), rotated by the joints' `world` rotations, blended by `blend`.
     """
     for frame in range(len(directions)):
         for n in range(len(lower)):
-            way, p, q = directions[frame, n], positions[frame, upper[n]], positions[frame, lower[n]]
-            way[0], way[1], way[2] = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+            vector, p, q = directions[frame, n], positions[frame, upper[n]], positions[frame, lower[n]]
+            vector[0], vector[1], vector[2] = q[0] - p[0], q[1] - p[1], q[2] - p[2]
             for k in range(2):
                 if turning[n, k] >= 0 and (k == 0 or blend[n] > 0.0):
                     r, v = world[frame, turning[n, k]], bones[n, k]
                     x, y, z = rotated(r[0], r[1], r[2], r[3], v[0], v[1], v[2])
                     share = blend[n] if k else 1.0
-                    way[0] = share * x + (1.0 - share) * way[0]
-                    way[1] = share * y + (1.0 - share) * way[1]
-                    way[2] = share * z + (1.0 - share) * way[2]
+                    vector[0] = share * x + (1.0 - share) * vector[0]
+                    vector[1] = share * y + (1.0 - share) * vector[1]
+                    vector[2] = share * z + (1.0 - share) * vector[2]
 
 
 @compiled()
 def write_speeds(positions: F3, joints: I1, edges: I1, reach: int, frame_time: float, speeds: Out[F2]) -> None:
-    """Write the length of the mean step over `reach` frames before and after each frame, per time; shots, from each of
-    `edges` to the next, by themselves.
+    """Write speeds: the length of the mean velocity over `reach` frames before and after each frame, within the shot,
+    which goes from one of `edges` to the next.
     """
     for shot in range(len(edges) - 1):
         first, end = edges[shot], edges[shot + 1]
@@ -200,8 +200,8 @@ def find_holding(
     shots: I1,
     holding: Out[B2],
 ) -> None:
-    """Set `holding`, (frames, len(joints)), in runs of at least `least` slow frames of one shot in which a joint keeps
-    its place while the base of its limb moves: so many `times` as far, and `farther` more.
+    """Set `holding`, (frames, joints), in runs of at least `least` slow frames of one shot in which the base of a limb
+    moves more than `times` as far from its mean position as the joint, and `farther` more.
     """
     for k in range(len(joints)):
         first = 0
@@ -217,7 +217,7 @@ def find_holding(
 
 @inlined()
 def _reach(positions: Array, joint: int, first: int, end: int) -> float:
-    """The largest distance of a joint from its mean place in the frames from `first` to before `end`."""
+    """The largest distance of a joint from its mean position in the frames from `first` to before `end`."""
     farthest, a, b, c = 0.0, 0.0, 0.0, 0.0
     for frame in range(first, end):
         a += positions[frame, joint, 0] / (end - first)

@@ -1,4 +1,4 @@
-"""Forward kinematics of a tree of joints, and its rotations.
+"""Forward kinematics of a tree of joints, and path lengths in the tree.
 
 A tree is given by its parents, (joints,), -1 for the root, with parents before children. Frames are the first axis of
 arrays; quaternions are x y z w, as in scipy.
@@ -40,7 +40,7 @@ def world_rotations(parents: Numbers, local: Array) -> Array:
 
 
 def line_rotations(line: Numbers, local: Array) -> Array:
-    """(frames, 4), world rotations of the end of a line of joints from the root, from local (frames, all joints, 4)."""
+    """(frames, 4), world rotations of the last joint of a chain from the root; `local` is (frames, all joints, 4)."""
     world = np.empty((len(local), 4))
     _write_line(line, np.ascontiguousarray(local), world)
     return world
@@ -63,8 +63,8 @@ def make_local(parents: Numbers, rotations: Array) -> None:
 
 
 def turn_parts(vectors: Array, parts: Numbers, rotations: Array) -> None:
-    """Rotate world rotations, (frames, joints, 4), in place by the rotation vectors, (frames, parts, 3) [rad], of the
-    `parts` that joints belong to, (joints,), -1 for none.
+    """Rotate world rotations, (frames, joints, 4), in place by rotation vectors of parts, (frames, parts, 3) [rad];
+    `parts`, (joints,), is the part of each joint, -1 for none.
     """
 
     def turn(part: slice) -> None:
@@ -157,24 +157,24 @@ def paths_from(joint: int, parents: Sequence[int], lengths: Sequence[float]) -> 
 
 
 def paths_among(joints: Numbers, parents: Numbers, lengths: Array) -> Array:
-    """Return the lengths of the paths between some joints, (some, some): a row is that of `paths_from` its joint."""
-    paths = np.full((len(parents), len(joints)), -1.0)  # from the n-th of them, in column n, to those on their lines
+    """Return the lengths of the paths between some joints, (some, some)."""
+    paths = np.full((len(parents), len(joints)), -1.0)  # column n: from the n-th joint to joints above any of them
     n, at = np.arange(len(joints)), np.asarray(joints)
     paths[at, n] = 0.0
-    on_lines = np.zeros(len(parents), np.bool_)
+    is_above = np.zeros(len(parents), np.bool_)
     while len(at):
-        on_lines[at] = True
+        is_above[at] = True
         n, at = n[at > 0], at[at > 0]
         paths[parents[at], n] = paths[at, n] + lengths[at]
         at = parents[at]
-    for joint in np.flatnonzero(on_lines)[1:]:
+    for joint in np.flatnonzero(is_above)[1:]:
         paths[joint] = np.where(paths[joint] < 0.0, paths[parents[joint]] + lengths[joint], paths[joint])
     return np.ascontiguousarray(paths[joints].T)
 
 
 def reaches(parents: Sequence[int], lengths: Sequence[float]) -> tuple[Array, Numbers]:
-    """Return the length of the path from each joint to the joint below it, or itself, that is farthest along the bones,
-    and that joint, (joints,) each: of those equally far the one with the fewest joints between, then the first.
+    """Return the farthest joint along the bones in the subtree of each joint, and the length of the path to it,
+    (joints,) each, length first; of equally far joints the one with the fewest joints between, then the first.
     """
     reach, away, farthest = [0.0] * len(parents), [0] * len(parents), list(range(len(parents)))
     for joint in range(len(parents) - 1, 0, -1):

@@ -1,4 +1,4 @@
-"""Moving maxima, averages and medians over frames, the first axis, of all columns at once. Compiled."""
+"""Moving maxima, averages and medians over frames, the first axis. Compiled."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def _columns(values: Array) -> Array:
 
 @lru_cache(maxsize=64)
 def raised_cosine(reach: int) -> Array:
-    """(reach + 1,), the weights of a frame and of those farther and farther away, in whole 2^-52ths, so that ones have
-    the average 1 in any order of the sum.
+    """(reach + 1,), the weights of a frame and of frames at increasing distance, in multiples of 2^-52, so that the
+    average of ones is exactly 1 in any order of the sum.
     """
     window = np.hanning(2 * reach + 3)[1:-1]
     weights = np.round(2.0**52 * window / window.sum())
@@ -56,7 +56,7 @@ def _write_averaged(values: F2, weights: F1, result: Out[F2]) -> None:
 def write_largest(values: Array, reach: int, before: Array, after: Array, result: Array) -> None:
     """Write moving maxima in three passes for any reach (M. van Herk, "A fast algorithm for local minimum and maximum
     filters on rectangular and octagonal kernels", Pattern Recognition Letters 13, 1992). In blocks as long as the
-    window, `before` is the maximum from the beginning of a block, `after` that up to its end. `result` may be `values`.
+    window, `before` has maxima since the start of the block, `after` up to its end. `result` may be `values`.
     """
     frames, columns, block = values.shape[0], values.shape[1], 2 * reach + 1
     for frame in range(frames):
@@ -72,9 +72,9 @@ def write_largest(values: Array, reach: int, before: Array, after: Array, result
 
 
 @inlined()
-def _write_larger(one: Array, other: Array, alone: bool, result: Array, columns: int) -> None:
-    """Write the larger values of two rows, or those of `one` alone."""
-    if alone:
+def _write_larger(one: Array, other: Array, only_one: bool, result: Array, columns: int) -> None:
+    """Write the larger values of two rows, or the row `one`."""
+    if only_one:
         for n in range(columns):
             result[n] = one[n]
     else:
@@ -84,7 +84,7 @@ def _write_larger(one: Array, other: Array, alone: bool, result: Array, columns:
 
 @inlined()
 def write_averaged(values: Array, weights: Array, result: Array) -> None:
-    """Write moving averages with symmetric weights, that of the frame itself first."""
+    """Write moving averages with symmetric weights, given from the centre outwards; the ends repeat."""
     frames, columns = values.shape
     for frame in range(frames):
         for n in range(columns):

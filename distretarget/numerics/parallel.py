@@ -17,11 +17,11 @@ Result = TypeVar("Result")
 
 LIMIT = "OMP_NUM_THREADS"  # the environment variable that limits threads
 BLOCK_FRAMES = 384  # most frames of a block
-FEWEST_JOINTS = 150_000  # joints of all frames that are worth a thread
+FEWEST_JOINTS = 150_000  # the least work that is worth a thread [frames x joints]
 
 
 def blocks_of(frames: int) -> Iterator[slice]:
-    """The frames of a clip in blocks of about equal length, at most `BLOCK_FRAMES`; none for a clip without frames."""
+    """Yield the frames of a clip in blocks of about equal length, at most `BLOCK_FRAMES`; none for an empty clip."""
     blocks = -(-frames // BLOCK_FRAMES)
     for block in range(blocks):
         yield slice(frames * block // blocks, frames * (block + 1) // blocks)
@@ -53,7 +53,7 @@ def threads() -> int:
 
 @contextmanager
 def thread_limit(count: int | None) -> Iterator[None]:
-    """Use so many threads in the block; None for the usual number."""
+    """Limit the threads within to `count`; None sets no limit."""
     before = os.environ.get(LIMIT)
     if count:
         os.environ[LIMIT] = str(count)
@@ -78,12 +78,12 @@ def in_threads(function: Callable[..., Result], *arguments: Iterable[object]) ->
 
 
 def mapper_for(frames: int, joints: int) -> Callable[..., Iterable[Any]]:
-    """Return `in_threads` for a clip that is long enough to gain from it, else `map`."""
+    """Return `in_threads` for a clip that is worth several threads, else `map`."""
     return in_threads if _threads_for(frames, joints) > 1 else map
 
 
 def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) -> None:
-    """Call `compute` for all blocks of a clip, in parallel if the clip is long. It must not depend on other blocks."""
+    """Call `compute` for all blocks of a clip, in parallel if the clip is long; blocks must be independent."""
     blocks, parts = list(blocks_of(frames)), _threads_for(frames, joints)
 
     def compute_part(part: int) -> None:
@@ -98,6 +98,6 @@ def over_blocks(compute: Callable[[slice], object], frames: int, joints: int) ->
 
 
 def _threads_for(frames: int, joints: int) -> int:
-    """The number of threads that pay for a clip of this size."""
+    """The number of threads for a clip of this size."""
     worth = frames * joints // FEWEST_JOINTS
     return min(threads(), worth) if worth > 1 else 1

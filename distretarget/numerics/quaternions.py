@@ -1,4 +1,4 @@
-"""Quaternions, x y z w as in scipy: products, vectors that they turn, and the least rotations between directions."""
+"""Quaternions, x y z w as in scipy: products, rotated vectors, and the least rotations between directions."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ def _write_turned(rotations: F2, vector: F1, vectors: Out[F2]) -> None:
 
 
 def rotation_products(first: Array, of_first: Numbers, second: Array) -> Array:
-    """(frames, joints, 4), for each joint the product of rotation number `of_first`, (joints,), of `first`, (frames, n,
-    4), and its rotation in `second`, (joints, 4); the identity where `of_first` is negative.
+    """(frames, joints, 4), the product of the rotation with index `of_first`, (joints,), in `first`, (frames, n, 4),
+    and the joint's rotation in `second`, (joints, 4); the identity if `of_first` is negative.
     """
     product = np.empty((len(first), len(second), 4))
     _products(np.ascontiguousarray(first), of_first, second, product)
@@ -65,7 +65,7 @@ def _products(first: F3, of_first: I1, second: F2, product: Out[F3]) -> None:
 
 
 def first_not_unit(quaternions: Array, error: float) -> int:
-    """Return the index of the first of the quaternions, (n, 4), whose length is not 1 within `error`; -1 if none is."""
+    """Return the index of the first quaternion, of (n, 4), whose length is not 1 within `error`; -1 if none is."""
     return _first_not_unit(quaternions, error)
 
 
@@ -81,7 +81,7 @@ def _first_not_unit(quaternions: F2, error: float) -> int:
 def least_rotation(a: Array, b: Array) -> Array:
     """(frames, 4), the least rotations from the directions of `a` to those of `b`, both (frames, 3).
 
-    Opposite directions rotate about an axis perpendicular to `a` and to one coordinate axis; zero vectors do not.
+    Opposite directions rotate about an axis perpendicular to `a` and to a coordinate axis; zero vectors stay.
     """
     quaternions = np.empty((len(a), 4))
     _write_least(np.ascontiguousarray(a), np.ascontiguousarray(b), quaternions)

@@ -10,14 +10,14 @@ from scipy.spatial.transform import Rotation
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.numerics.vectors import Array
 
-PULL = 1e-6  # weight of the identity in the fit of several vectors, relative to the vectors
+PULL = 1e-6  # weight of the identity in the fit of several vectors, relative to that of the vectors
 
 
 def best_rotation(a: Array, b: Array) -> Array:
     """(frames, 4), the rotations that bring vectors `a` closest to `b`, both (frames, vectors, 3).
 
     For one vector this is the least rotation; for several the Kabsch fit, doi:10.1107/S0567739476001873, with a weight
-    `PULL` on the identity, which decides the twist where all vectors are on one line.
+    `PULL` on the identity, which decides the twist if all vectors are collinear.
     """
     if a.shape[1] == 1:
         return least_rotation(a[:, 0], b[:, 0])
@@ -39,7 +39,7 @@ def least(a: Array, b: Array) -> Rotation:
 
 
 def least_matrix(a: Array, b: Array) -> Array:
-    """The same as a matrix, (3, 3), without scipy's rotations, which are slow one by one."""
+    """`least` as a matrix, (3, 3), without scipy's rotations, which are slow for single ones."""
     x, y, z, w = best_rotation(a[None], b[None])[0].tolist()
     return np.array(
         [
@@ -75,7 +75,7 @@ def from_represented(values: Array) -> Array:
 
 
 def continuous(rotations: Array) -> Array:
-    """Return quaternions, (frames, joints, 4), each with the sign that is nearer to the frame before."""
+    """Return quaternions, (frames, joints, 4), each with the sign that is nearer to the previous frame's."""
     flips = (rotations[1:] * rotations[:-1]).sum(axis=2) < 0
     signs = np.where(np.logical_xor.accumulate(flips, axis=0), -1.0, 1.0)
     return np.concatenate([rotations[:1], rotations[1:] * signs[:, :, None]])

@@ -1,4 +1,4 @@
-"""Time series over the frames of a clip: widened values, medians, runs, shots between cuts."""
+"""Time series over the frames of a clip: smoothing, medians, runs of frames, and shots between cuts."""
 
 from __future__ import annotations
 
@@ -14,29 +14,29 @@ from distretarget.numerics.joint_paths import steps_along
 from distretarget.numerics.moving import averaged, largest
 from distretarget.numerics.vectors import Array, Flags, Numbers
 
-UNKNOWN = 1e-3  # weight of the nearest known values, in a smoothed series, where nothing is known
+UNKNOWN = 1e-3  # weight of interpolated values in a smoothed series
 SECOND_DIFFERENCE = (1.0, -2.0, 1.0)
-MOST_FRAMES = 300.0  # a smoothed series bends over no more than these, since rounding errors grow with the 4th power
+MOST_FRAMES = 300.0  # limit of the width of smoothing, since rounding errors grow with its 4th power
 STEP = 8.0  # at a cut joints move at least this many times as far as in the frames before and after it ...
 FAR = 0.02  # ... and at least this far on average [of the given length]
-FASTEST = 15.0  # no person is faster, on average over all joints [lengths / s]
-BRAKES = 100.0  # no person slows down faster, on average over all joints [lengths / s^2]
-SLOWS = 0.75  # a body that was faster slows down while each step is at most this share of the one before
+FASTEST = 15.0  # nobody is faster, on average over all joints [lengths / s]
+BRAKES = 100.0  # nobody slows down faster, on average over all joints [lengths / s^2]
+SLOWS = 0.75  # a body slows down while each step is at most this share of the one before
 
 Value = TypeVar("Value", bound=np.generic)
-Shots = Numbers  # (frames,), the number of the shot that each frame belongs to
+Shots = Numbers  # (frames,), the index of each frame's shot
 
 
 def widened(values: Array, frames: float) -> Array:
-    """The moving maximum of values, (frames, n), over `frames` before and after, then averaged over as many: smooth,
-    and nowhere less than the values. `frames` below 0.5 changes nothing.
+    """The moving maximum of values, (frames, n), over `frames` before and after, then the moving average over as many:
+    smooth, and nowhere less than the values. `frames` below 0.5 change nothing.
     """
     reach = round(frames)
     return values if reach < 1 else averaged(largest(values, reach), reach)
 
 
-def lasting(values: Array, frames: float) -> Array:
-    """Return values, (frames, ...), lowered to what lasts for longer than so many frames; the same in reversed time."""
+def opening(values: Array, frames: float) -> Array:
+    """The morphological opening of values, (frames, ...): peaks that last for at most so many frames are removed."""
     reach = round(0.5 * frames)
     return largest(-largest(-values, reach), reach)
 
@@ -57,16 +57,14 @@ def median_of_three(values: NDArray[Any]) -> NDArray[Any]:
 
 
 def usual_steps(steps: Array) -> Array:
-    """The median of the two steps before each of some steps, (frames, n), and the two after; beyond the ends as in a
-    mirror.
-    """
+    """The median of the two steps before and the two after each of `steps`, (frames, n), mirrored at the ends."""
     padded = np.pad(steps, ((2, 2), (0, 0)), "reflect")
     beside = padded[:-4], padded[1:-3], padded[3:-1], padded[4:]
     return np.asarray(0.5 * (sum(beside) - np.minimum.reduce(beside) - np.maximum.reduce(beside)))
 
 
 def runs_of(flags: Flags) -> Numbers:
-    """(frames,), the number of the run of true frames that each frame belongs to, from 1; 0 for false frames."""
+    """(frames,), the number, from 1, of the run of true frames to which each frame belongs; 0 for false frames."""
     starts = flags & ~np.concatenate([[False], flags[:-1]])
     return np.asarray(np.where(flags, np.cumsum(starts), 0))
 
@@ -76,9 +74,9 @@ def spans_of(flags: Flags) -> Numbers:
     return np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]))).reshape(-1, 2)
 
 
-def over_runs(values: Array, weights: Array) -> Array:
-    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0; interpolated
-    between runs, constant before the first and after the last, and that of all frames without runs.
+def run_means(values: Array, weights: Array) -> Array:
+    """The weighted mean of values, (frames, n), over each run of frames with weights, (frames,), above 0. It is
+    interpolated between runs, and constant before the first and after the last; without runs the mean of all frames.
     """
     frames = np.flatnonzero(weights)
     if not len(frames):
@@ -92,8 +90,8 @@ def over_runs(values: Array, weights: Array) -> Array:
 
 def smoothed(values: Array, weights: Array, frames: float) -> Array:
     """The series x, (frames, n), with the least sum of weight |x - value|^2 and `frames`^4 |second difference of x|^2:
-    where the weights, (frames,), are 1 it bends over about `frames`. Frames of weight 0 take the nearest other values,
-    interpolated, with a small weight; without any others, the result is the values.
+    with weights, (frames,), of 1 it is smooth over about `frames`. Frames of weight 0 take interpolated values of the
+    others with a small weight; if all weights are 0, the result is the values.
 
     Source: E. T. Whittaker, "On a New Method of Graduation", Proc. Edinburgh Mathematical Society 41 (1923) 63-75.
     """
@@ -110,9 +108,9 @@ def smoothed(values: Array, weights: Array, frames: float) -> Array:
     return np.asarray(solveh_banded(bands[:count], weights[:, None] * values, lower=True))
 
 
-def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
-    """The series x, (frames, n), with the least sum of weight |x - value|^2 and stiffness |difference of x|^2. The
-    `stiffness`, (frames,), is that between each frame and the next; the last has no effect.
+def smoothed_steps(values: Array, weights: Array, stiffness: Array) -> Array:
+    """The series x, (frames, n), with the least sum of weight |x - value|^2 and stiffness |first difference of x|^2.
+    The `stiffness`, (frames,), is between each frame and the next; the last has no effect.
     """
     bands = np.zeros((2, len(values)))  # the diagonal of the equations' matrix, and the one below it
     bands[0] = weights
@@ -123,11 +121,12 @@ def steadied(values: Array, weights: Array, stiffness: Array) -> Array:
 
 
 def find_shots(positions: Array, joints: Numbers, length: float, frame_time: float) -> Shots:
-    """Return the number of each frame's shot, (frames,), from 0; a shot ends where the body jumps. `positions`,
+    """Return the index of each frame's shot, (frames,), from 0; a shot ends where the body jumps. `positions`,
     (frames, all joints, 3), and a `length` of the body, such as its legs', have the same unit; `joints` are those of
-    the body, and `frame_time` is in [s]. Frames at the beginning or the end, such as a T-pose before the motion, from
-    which the body leaves faster than anybody can move, or can slow down, are shots of their own, until the body has
-    slowed down.
+    the body, and `frame_time` is in [s].
+
+    Frames at either end of the clip, such as a T-pose before the motion, are shots of their own while the body moves
+    faster, or slows down faster, than anybody can, and until it has slowed down.
     """
     steps = steps_along(positions, joints).mean(axis=1)
     around = np.concatenate([[0.0], steps, [0.0]])
@@ -141,7 +140,7 @@ def find_shots(positions: Array, joints: Numbers, length: float, frame_time: flo
 
 
 def _rushed(steps: Array, fastest: float) -> int:
-    """How many `steps`, (steps,), at the start are longer than `fastest`, and after them part of the slowing down."""
+    """The number of `steps`, (steps,), at the start that exceed `fastest`, or then belong to the slowing down."""
     possible = np.flatnonzero(steps <= fastest)
     count = int(possible[0]) if len(possible) else 0
     while 0 < count < len(steps) - 1 and steps[count + 1] < SLOWS * steps[count]:

@@ -1,4 +1,4 @@
-"""The kinds of arrays, and lengths, directions, products and angles of vectors; components are the last axis.
+"""Types of arrays, and lengths, directions, products and angles of vectors; components are the last axis.
 
 The functions are faster than numpy's `norm` along a short last axis, and than its `cross` for few vectors. Compiled
 functions say how many axes an array has: F2 is a contiguous array of floats with two.
@@ -61,13 +61,13 @@ def cross(a: Array, b: Array) -> Array:
 
 
 def level(vectors: Array, up: Array) -> Array:
-    """The level part of vectors (..., 3): perpendicular to the unit vector up, (3,)."""
+    """The horizontal components of vectors (..., 3), perpendicular to the unit vector up, (3,)."""
     return np.asarray(vectors - (vectors @ up)[..., None] * up)
 
 
 def angles_between(a: Array, b: Array) -> Array:
-    """The angles between vectors (..., n) of one shape, (...) [rad]; 0 for a zero vector. Accurate for all angles, as
-    half of each is taken between the sides of a rhombus (W. Kahan).
+    """The angles between vectors (..., n) of one shape, (...) [rad]; 0 for a zero vector. Accurate for all angles:
+    half an angle is that of the diagonals of a rhombus (W. Kahan).
     """
     diagonals = np.empty((2, *a.shape[:-1]))
     one, other = (np.ascontiguousarray(each).reshape(-1, a.shape[-1]) for each in (a, b))
@@ -91,7 +91,7 @@ def _write_diagonals(a: F2, b: F2, diagonals: Out[F2]) -> None:
         diagonals[0, n], diagonals[1, n] = np.sqrt(less), np.sqrt(more)
 
 
-def spread_out(points: Array, most: int) -> Numbers:
+def farthest_points(points: Array, most: int) -> Numbers:
     """Return the indices of up to `most` points, (points, dimensions), by farthest-point sampling from the first."""
     chosen, away = [0], np.full(len(points), np.inf)
     while len(chosen) < min(most, len(points)):
@@ -100,13 +100,13 @@ def spread_out(points: Array, most: int) -> Numbers:
     return np.array(chosen, np.intp)
 
 
-def halves(places: Array, on: Numbers, most: int) -> list[Numbers]:
-    """Return some of the places in halves of halves along their longest extent, down to parts of `most` at most."""
+def bisected(places: Array, on: Numbers, most: int) -> list[Numbers]:
+    """Return the indices `on` of places, (n, 3), in groups of `most` at most, bisected along the longest extent."""
     if len(on) <= most:
         return [on]
     in_line = on[np.argsort(places[on, np.ptp(places[on], axis=0).argmax()], kind="stable")]
     half = len(on) // 2
-    return halves(places, in_line[:half], most) + halves(places, in_line[half:], most)
+    return bisected(places, in_line[:half], most) + bisected(places, in_line[half:], most)
 
 
 def read_only(array: NDArray[Value]) -> NDArray[Value]:
@@ -134,5 +134,5 @@ def clear(array: NDArray[Any]) -> None:
 
 @inlined()
 def indices(first: int, end: int) -> range:
-    """range(first, end), not negative, as unsigned integers: loops over these are vectorised."""
+    """range(first, end), not negative, as unsigned integers, over which loops are vectorised."""
     return range(np.uintp(first), np.uintp(end))

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from distretarget.checks import brief
+from distretarget.checks import brief_repr
 from distretarget.errors import SettingsError
 from distretarget.numerics.moving import raised_cosine
 from distretarget.numerics.time_series import Shots, by_shot
@@ -48,7 +48,7 @@ class ContactSettings:
     blend: float = 0.36
     foot_lock: float = 1.0
 
-    __repr__ = brief
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name, value in asdict(self).items():

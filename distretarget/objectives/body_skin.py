@@ -13,7 +13,7 @@ from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.objectives.part_axes import Landmarks
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
 from distretarget.skin.balls import NEVER, Balls, balls_of
 from distretarget.skin.capsules import IS_ARM, SEGMENTS, Capsules
@@ -59,7 +59,7 @@ class BodySkin:
         in_units = replace(capsules, ends=capsules.ends / body.unit, radii=capsules.radii / body.unit)
         balls = balls_of(in_units, posed / body.unit)
         own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
-        of_joint = [next((own[a] for a in skeleton.line(joint) if a in own), -1) for joint in range(len(skeleton))]
+        of_joint = [next((own[a] for a in skeleton.to_root(joint) if a in own), -1) for joint in range(len(skeleton))]
         limbs = limbs_of(body)
         ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
         of_capsule, shares = ends[0][0], np.stack([share for _, share in ends], axis=1)
@@ -166,7 +166,7 @@ class Skins:
         return cls(_skin_of(matching.source, source), _skin_of(matching.target, target))
 
 
-@found_once
+@rig_cached
 def _skin_of(body: Body, capsules: Capsules) -> BodySkin:
     """The skin of a body."""
     return BodySkin.of(body, capsules)

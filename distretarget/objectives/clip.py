@@ -10,18 +10,18 @@ import numpy as np
 from distretarget.baseline.rotation_copy import RootScale, root_path, rotation_copy
 from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body
-from distretarget.body.limbs import Leg, Legs, before, raised
+from distretarget.body.limbs import Leg, Legs, arm_raise, in_front_or_behind
 from distretarget.body.soles import Sole
-from distretarget.contact_entries import Drop
+from distretarget.contact_entries import DroppedContact
 from distretarget.distances import DistanceProblem, distance_problem
 from distretarget.ik.poses import part_of_joint
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.moving import averaged
-from distretarget.numerics.time_series import Shots, by_shot, lasting, widened
+from distretarget.numerics.time_series import Shots, by_shot, opening, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
 
 SWING = 1.0  # the arms of who walks slowly swing to the front and back again in so long [s]
@@ -66,7 +66,7 @@ class Clip:
     distances: DistanceProblem  # the points that source and target share, with their path lengths
     roots: Numbers  # (joints,), the topmost joint of the rigid part that each joint belongs to
     parts: Numbers  # (joints,), the rigid part that carries the bones below each joint
-    drops: tuple[Drop, ...] = ()  # contacts that the user drops
+    drops: tuple[DroppedContact, ...] = ()  # contacts that the user drops
     by_skin: Flags | None = None  # (joints, joints), whose contacts are those of skins; None without skin
 
     @classmethod
@@ -153,7 +153,7 @@ class Clip:
     def loose_parts(self) -> Numbers:
         """The parts without a driven joint, such as undriven fingers: only the floor moves them."""
         loose = np.ones(self.parts.max() + 1, bool)
-        loose[self.parts[[*self.skeleton.lines(self.driven)]]] = False
+        loose[self.parts[[*self.skeleton.with_ancestors(self.driven)]]] = False
         return np.flatnonzero(loose)
 
     @property
@@ -166,32 +166,32 @@ def raised_arms(body: Body, motion: Motion) -> Array:
     """`Clip.raised_arms` of a body in a motion."""
     x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.shoulder for arm in body.arms]
     values = np.zeros((len(motion), len(body.skeleton)))
-    lasts = partial(lasting, frames=SWING / motion.frame_time)
+    lasts = partial(opening, frames=SWING / motion.frame_time)
     for arm in body.arms:
         below, hand = body.skeleton.subtree(arm.shoulder), body.skeleton.subtree(arm.wrist)
-        values[:, below] = up = raised(x, arm, hips, body.up_vector)[:, None]
+        values[:, below] = up = arm_raise(x, arm, hips, body.up_vector)[:, None]
         if hips and len(shoulders) == 2:
             of_hand, of_forearm = (
-                before(x, joints, shoulders, hips)[:, None] for joints in ([*hand], [arm.elbow, arm.wrist])
+                in_front_or_behind(x, joints, shoulders, hips)[:, None] for joints in ([*hand], [arm.elbow, arm.wrist])
             )
             values[:, hand] = np.maximum(up, lasts(of_hand))
             values[:, np.setdiff1d(below, hand)] = np.maximum(np.minimum(up, of_forearm), lasts(of_forearm))
     return values
 
 
-@found_once
+@rig_cached
 def _shared_distances(matching: Matching) -> DistanceProblem:
     """The distance problem of the points that both bodies of a matching have."""
     return distance_problem(matching.source.skeleton, matching.target.skeleton, matching.drivers)
 
 
-@found_once
+@rig_cached
 def _parts(matching: Matching) -> Numbers:
     """`Clip.parts` of a matching."""
     return part_of_joint(matching.target.skeleton, rigid_part_roots(matching))
 
 
-@found_once
+@rig_cached
 def rigid_part_roots(matching: Matching) -> Numbers:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 

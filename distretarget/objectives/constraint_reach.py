@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.build import average_for
+from distretarget.body.build import average_build_of
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
@@ -55,7 +55,7 @@ class Reaching:
     @cached_property
     def skin(self) -> BodySkin:
         """The skin of the body; an average one of a stick figure."""
-        return self.skins.target if self.skins else BodySkin.of(self.body, average_for(self.body).on(self.body))
+        return self.skins.target if self.skins else BodySkin.of(self.body, average_build_of(self.body).on(self.body))
 
     def displacements(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
         """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file
@@ -94,9 +94,9 @@ class Reaching:
         for one, other in (anchors, anchors[::-1]) if anchors else ():
             for arm, free in arms:
                 if one.joint in motion.skeleton.subtree(arm.end):
-                    out, bone = other.outwards(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
-                    turn = Rotation.from_quat(least_rotation(one.outwards(motion), -out))
-                    hand = turn.apply(one.onwards(motion))
+                    out, bone = other.normals(motion), motion.positions[:, arm.end] - motion.positions[:, arm.middle]
+                    turn = Rotation.from_quat(least_rotation(one.normals(motion), -out))
+                    hand = turn.apply(one.axis_directions(motion))
                     spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
                     spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
                     turn = Rotation.from_rotvec(spin[:, None] * out) * turn

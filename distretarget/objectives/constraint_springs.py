@@ -87,7 +87,7 @@ def off_by(
     if constraint.anchors is not None and isinstance(entry, Contact):
         one, other, apart = constraint.anchors
         gap = constraints.length(float(entry.gap or 0.0)) + apart
-        away = gap * normalised(other.outwards(motion) - one.outwards(motion))
+        away = gap * normalised(other.normals(motion) - one.normals(motion))
         return np.asarray(away - (one.places(motion) - other.places(motion)) / clip.unit)
     now = between(motion, pair, clip)
     if isinstance(entry, Plant):
@@ -221,7 +221,7 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
     bones, skeleton = clip.copy.bones[on] / clip.unit, clip.skeleton
     arms = np.zeros((len(bones), len(h) - 1, 3))
     for end, sign in zip(pair, (1.0, -1.0), strict=True):
-        for joint in skeleton.line(end):
+        for joint in skeleton.to_root(end):
             if joint > 0:
                 arms[:, clip.parts[skeleton.parents[joint]]] += sign * bones[:, joint]
     square = ((arms**2).sum(axis=2) / h[:-1]).sum(axis=1)

@@ -13,7 +13,7 @@ import numpy as np
 
 from distretarget.body.body import Body
 from distretarget.body.skin_anchors import AnchoredSkin, SkinPoint
-from distretarget.contact_entries import Contact, ContactList, Distance, Drop, Entry, Ground, Look, Plant
+from distretarget.contact_entries import Contact, ContactList, Distance, DroppedContact, Entry, Ground, Look, Plant
 from distretarget.errors import closest, counted, quoted
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import by_shot, widened
@@ -102,11 +102,11 @@ class Constraints:
         """
         found = []
         for entry in contacts:
-            joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(entry.named))
+            joints = tuple(_joints_of(contacts, clip, entry, n, name) for n, name in enumerate(entry.names))
             on = frames_of(contacts, clip, entry)
             _check_parts(contacts, clip, entry, joints)
             carrier = _carrier_of(contacts, clip, entry, joints[0], others)
-            if entry.acts:
+            if entry.has_effect:
                 if isinstance(entry, Contact) and entry.keep:
                     joints = tuple(_without_neck(skin.body, part) for part in joints)
                 is_foot = isinstance(entry, Plant) and clip.regions.inside("foot")[joints[0]].any()
@@ -132,11 +132,11 @@ class Constraints:
         return replace(self, every=tuple(constraint for constraint in self if not constraint.drops))
 
     @property
-    def dropped(self) -> tuple[Drop, ...]:
+    def dropped(self) -> tuple[DroppedContact, ...]:
         """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
         among = [constraint for constraint in self if isinstance(constraint.entry, Contact)]
         spans = (constraint.frames if constraint.drops else constraint.weight > 0.0 for constraint in among)
-        return tuple(Drop(constraint.joints, on) for constraint, on in zip(among, spans, strict=True))
+        return tuple(DroppedContact(constraint.joints, on) for constraint, on in zip(among, spans, strict=True))
 
     @property
     def on(self) -> Flags:
@@ -241,7 +241,7 @@ def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, nam
     joints = _find_joints(clip, name, regions=regions)
     if joints is None:
         what, available = ("part or joint", clip.regions.names) if regions else ("joint", ())
-        key = entry.key + (f"[{number}]" if len(entry.named) > 1 else "")
+        key = entry.key + (f"[{number}]" if len(entry.names) > 1 else "")
         near = closest(name, (*available, *clip.skeleton.keys))
         raise contacts.fault(entry, key, f"no {what} {name!r}; {near}")
     return joints
@@ -279,7 +279,7 @@ def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[
     """Check that the parts of an entry suit it."""
     key = entry.key
     if len(joints) > 1 and set(joints[0].tolist()) & set(joints[1].tolist()):
-        raise contacts.fault(entry, key, f"{quoted(entry.named)} are the same part of the body")
+        raise contacts.fault(entry, key, f"{quoted(entry.names)} are the same part of the body")
     if isinstance(entry, Contact):
         one, other = (clip.regions.of_joint[each[0]] for each in joints)
         if min(one, other) >= 0 and clip.regions.neighbours[one, other]:
@@ -297,7 +297,7 @@ def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[
 def _distance_limits(clip: Clip, a: int, b: int) -> tuple[float, float]:
     """The least and the largest distance of two joints that bones of these lengths allow [file units]."""
     skeleton = clip.skeleton
-    one, other = skeleton.line(a), skeleton.line(b)
+    one, other = skeleton.to_root(a), skeleton.to_root(b)
     bones = np.array([skeleton.lengths[joint] for joint in {*one} ^ {*other}])
     most = float(bones.sum())
     return max(2.0 * float(bones.max(initial=0.0)) - most, 0.0), most
@@ -312,7 +312,7 @@ def _check_agree(contacts: ContactList, one: Constraint, other: Constraint) -> N
     if replace(a, frames=b.frames, seconds=b.seconds, **{b.key: getattr(b, b.key)}) == b:
         return
     where = f"frame {both[0]}" if len(both) == 1 else f"frames {both[0]} to {both[-1]}"
-    says = f"contradicts {contacts.place_of(a)}: both are about {quoted(b.named)} in {where}"
+    says = f"contradicts {contacts.place_of(a)}: both are about {quoted(b.names)} in {where}"
     raise contacts.fault(b, "", says)
 
 

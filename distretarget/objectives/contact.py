@@ -122,7 +122,7 @@ def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Arr
     holds = [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
     for joint, weight in holds:
-        for part in {*clip.parts[[*clip.skeleton.line(joint)[1:]]].tolist()}:
+        for part in {*clip.parts[[*clip.skeleton.to_root(joint)[1:]]].tolist()}:
             np.maximum(held[:, part], weight, out=held[:, part])
     return held
 
@@ -148,8 +148,8 @@ def part_stiffness(clip: Clip) -> Array:
     stiffness[[*firm]] *= END_FACTOR
     stiffness[loose] *= LOOSE_FACTOR
     if legs:
-        pelvis = skeleton.meet(leg.hip for leg in legs)
-        above = [joint for joint in skeleton.line(pelvis) if parts[joint] != parts[pelvis]]
+        pelvis = skeleton.common_ancestor(leg.hip for leg in legs)
+        above = [joint for joint in skeleton.to_root(pelvis) if parts[joint] != parts[pelvis]]
         stiffness[parts[above]] = FIXED_STIFFNESS
     return np.append(stiffness, ROOT_STIFFNESS)
 

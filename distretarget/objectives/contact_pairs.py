@@ -8,7 +8,7 @@ import numpy as np
 
 from distretarget.body.anatomy import Regions
 from distretarget.body.limbs import Legs, hanging_distances, passing_regions
-from distretarget.contact_entries import Drop
+from distretarget.contact_entries import DroppedContact
 from distretarget.distances import DistanceProblem
 from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.time_series import Shots
@@ -80,7 +80,7 @@ class ContactSearch:
     frame_time: float  # [s]
     settings: ContactSettings
     regions: int  # the number of body regions
-    drops: tuple[Drop, ...] = ()  # contacts that do not count
+    drops: tuple[DroppedContact, ...] = ()  # contacts that do not count
 
     @classmethod
     def of(cls, clip: Clip, settings: ContactSettings, points: Flags | None = None) -> ContactSearch:

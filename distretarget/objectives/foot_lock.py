@@ -39,7 +39,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import mapper_for
-from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, smoothstep, spans_of, steadied
+from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, smoothed_steps, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, lengths, level, normalised
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
@@ -310,4 +310,4 @@ def _steadied_offset(offset: Array, weights: Array, paths: Array, reach: int) ->
     """
     paths = averaged(median_of_three(paths), reach)  # the median ignores a single faulty frame
     steps = lengths(np.diff(paths, axis=0, append=paths[-1:])).min(axis=1)
-    return steadied(median_of_three(offset), weights + LITTLE, (WAY / np.maximum(steps, STILL)) ** 2)
+    return smoothed_steps(median_of_three(offset), weights + LITTLE, (WAY / np.maximum(steps, STILL)) ** 2)

@@ -96,7 +96,7 @@ def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, v: Array) -> None:
     """Write to v, (frames, parts + 1, 3), the rotations that turn the bones of a foot, by a share, (frames,), of their
     angles, towards where they point in a flat foot [rad].
     """
-    joints, skeleton, to_toe = pair.target_sole.joints.tolist(), clip.skeleton, clip.skeleton.line(pair.target.toe)
+    joints, skeleton, to_toe = pair.target_sole.joints.tolist(), clip.skeleton, clip.skeleton.to_root(pair.target.toe)
     for joint in sorted(joints, key=to_toe.__contains__):  # of the bones of one part that to the toe counts
         above = int(skeleton.parents[joint])
         if above in joints and skeleton.lengths[joint] > 0.0:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.contact_entries import ContactList, Distance
-from distretarget.distances import DistanceProblem, columns, filled
+from distretarget.distances import DistanceProblem, columns, padded
 from distretarget.ik.articulation import Articulation
 from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import Poses, Progress, fit_rotations, ignore_progress
@@ -114,13 +114,13 @@ def solve_postures(
     S = columns(source[:, problem.sources] - source[:, problem.sources].mean(axis=1, keepdims=True))
     X = np.empty_like(C)
     log = np.zeros((4, len(C)))
-    ratio, priorities = filled(problem.ratio), filled(problem.priorities)
+    ratio, priorities = padded(problem.ratio), padded(problem.priorities)
     shape = 3, ratio.shape[1]
     stress, gradient, scratch = Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
     for block in blocks_of(len(C)):
-        x, solved = filled(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
+        x, solved = padded(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
         solve_points(
-            filled(S[block]),
+            padded(S[block]),
             x,
             ratio,
             stress,

@@ -57,14 +57,14 @@ def _as_motion(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time
     places[:, joints] = translations[:, joints] = positions
     below = joints[joints > 0]
     translations[:, below] -= places[:, skeleton.parents[below]]
-    turns = np.tile(skeleton.unturned, (len(positions), 1, 1))
+    turns = np.tile(skeleton.rest_rotations, (len(positions), 1, 1))
     return Motion.of_translations(skeleton, translations, turns, frame_time_text)
 
 
 def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: Flags) -> Motion:
     """The motion whose bones point as those of the source, from the root down, with the root on its path, scaled."""
     frames = len(source)
-    local, hinges = np.tile(skeleton.unturned, (frames, 1, 1)), _hinges(skeleton)
+    local, hinges = np.tile(skeleton.rest_rotations, (frames, 1, 1)), _hinges(skeleton)
     world: list[Rotation] = []
     for joint, parent in enumerate(skeleton.parents.tolist()):
         above = world[parent] if joint else Rotation.identity(frames)
@@ -113,7 +113,7 @@ def _hinges(skeleton: Skeleton) -> dict[int, tuple[int, int, Array]]:
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         for (upper, lower, end), axis in ((ARM[1:], -sign * up), (LEG[:3], left)):
             limb = [body.anatomy.roles.get(side + part, -1) for part in (upper, lower, end)]
-            if min(limb) >= 0 and skeleton.line(limb[2])[1:3] == limb[1::-1]:
+            if min(limb) >= 0 and skeleton.to_root(limb[2])[1:3] == limb[1::-1]:
                 hinges[limb[0]] = (limb[1], limb[2], axis)
     return hinges
 

@@ -25,7 +25,7 @@ from distretarget.body.axes import perpendicular
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
-from distretarget.numerics.time_series import by_shot, median_of_three, over_runs, runs_of, smoothed, spans_of, widened
+from distretarget.numerics.time_series import by_shot, median_of_three, run_means, runs_of, smoothed, spans_of, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths, level, normalised
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
@@ -121,7 +121,7 @@ def within_reach(clip: Clip, supports: Supports) -> Supports:
     places, short = supports.places.copy(), SHORT * clip.leg_lengths[1]
     for column in range(supports.feet, len(supports.joints) if seat.any() else 0):
         joint = int(supports.joints[column])
-        *_, top = joint, *takewhile(lambda each: not in_trunk[each], clip.skeleton.line(joint))
+        *_, top = joint, *takewhile(lambda each: not in_trunk[each], clip.skeleton.to_root(joint))
         if top == joint:
             continue
         pelvis, shoulder = clip.copy_on_path(np.array([clip.pelvis, top])).transpose(1, 0, 2)
@@ -145,7 +145,7 @@ def _limb_bases(clip: Clip) -> Numbers:
     """(joints,), for each of `clip.limb_joints` the source joint where its limb begins; in the trunk its own driver."""
     trunk = clip.regions.inside(*TRUNK_REGIONS) & (clip.drivers >= 0)
     joints = clip.limb_joints.tolist()
-    bases = [next((each for each in clip.skeleton.line(joint) if trunk[each]), joint) for joint in joints]
+    bases = [next((each for each in clip.skeleton.to_root(joint) if trunk[each]), joint) for joint in joints]
     return clip.drivers[bases]
 
 
@@ -231,7 +231,7 @@ def _rises(
         counts = rests[:, column].astype(float)
         runs = runs_of(rests[:, column])
         on = np.isin(runs, runs[on_floor[:, column]])
-        means = by_shot(over_runs, clip.shots, np.stack([gaps[:, column], own_gaps[:, column], on], axis=1), counts)
+        means = by_shot(run_means, clip.shots, np.stack([gaps[:, column], own_gaps[:, column], on], axis=1), counts)
         gap, own_gap, on = means.T
         rises[:, column] = on * (np.clip(own_gap, 0.0, gap) - own_gap)
     return rises
@@ -248,7 +248,7 @@ def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Fla
     def of_shot(low: Array, skin: Array, rests: Flags) -> Array:
         stands = np.isfinite(low)
         if stands.any():
-            return over_runs(np.where(stands, low, 0.0)[:, None], stands.astype(float))
+            return run_means(np.where(stands, low, 0.0)[:, None], stands.astype(float))
         lowest = np.where(rests, skin, np.inf).min(axis=1)
         found = lowest[np.isfinite(lowest)]
         return np.full((len(low), 1), np.median(found) if len(found) else 0.0)
@@ -265,7 +265,7 @@ def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Arra
     with_floor = np.isin(runs, runs[on_floor])[:, None]
     off = np.where(with_floor, level(off, up), off if environment == "body" else 0.0)
     counts = carried | ~np.isin(runs, runs[carried & rests])
-    return over_runs(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
+    return run_means(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
 
 
 def _blended(rests: Flags, far: Array, frame_time: float) -> Array:

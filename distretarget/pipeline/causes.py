@@ -106,7 +106,7 @@ class Causes:
         return self.motion.skeleton.keys[int(self.supports.joints[support])]
 
     def _is_below(self, joint: int, above: int) -> bool:
-        return above in self.motion.skeleton.line(joint)
+        return above in self.motion.skeleton.to_root(joint)
 
     def _joint(self, part: str) -> int | None:
         """The joint of a part; None if there is none."""

@@ -134,7 +134,7 @@ def _with_arms(motion: Motion, free: Motion, apart: Motion, made: Constraints, p
     clip, body = performer.clip, performer.match.matching.target
     trunk, arms = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
     for limb in limbs_of(body):
-        shoulder = [joint for joint in clip.skeleton.line(limb.top) if joint not in trunk]
+        shoulder = [joint for joint in clip.skeleton.to_root(limb.top) if joint not in trunk]
         arms += [*clip.skeleton.subtree(limb.top), *shoulder] if limb.is_arm else []
     arms_meet = any({*constraint.pair} <= {*arms} for constraint in made if constraint.pair)
     rotations = np.array(motion.rotations)
@@ -213,9 +213,9 @@ def unmet(performer: Performer, constraints: Constraints, posed: Motion) -> Iter
     """Yield a remark with the largest error of each constraint of a performer that a motion does not meet."""
     for constraint, errors in _errors(performer, constraints, posed):
         if errors.max() > NOTICED * performer.match.matching.target.height:
-            name, worst = " - ".join(constraint.entry.named), int(errors.argmax())
+            name, worst = " - ".join(constraint.entry.names), int(errors.argmax())
             cm = centimetres(performer.clip.unit) * errors[worst]
-            yield Remark(f"{name} is missed by up to {cm:.1f} cm, at frame {worst}", worst, *constraint.entry.named)
+            yield Remark(f"{name} is missed by up to {cm:.1f} cm, at frame {worst}", worst, *constraint.entry.names)
 
 
 def _errors(performer: Performer, constraints: Constraints, posed: Motion) -> Iterator[tuple[Constraint, Array]]:

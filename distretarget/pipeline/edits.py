@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.axes import AHEAD, axis_vector, nearest_axis, perpendicular
 from distretarget.body.body import Body
-from distretarget.checks import brief, check_kind, check_number
+from distretarget.checks import brief_repr, check_kind, check_number
 from distretarget.errors import MotionError, SettingsError
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
@@ -173,7 +173,7 @@ class Edits:
     turn: float = 0.0
     loop: bool = False
 
-    __repr__ = brief
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name in ("start", "end"):
@@ -283,7 +283,7 @@ def at_speed(motion: Motion, factor: float) -> Motion:
 def turned(motion: Motion, degrees: float, up: Array | None = None) -> Motion:
     """Return a motion turned to the left about the vertical through the origin: about `up`, (3,), or the body's own."""
     up = Body.of_motion(motion).up_vector if up is None else up
-    return motion.in_turned_world(Rotation.from_rotvec(np.radians(degrees) * up))
+    return motion.rotated_about_origin(Rotation.from_rotvec(np.radians(degrees) * up))
 
 
 Carry = tuple[Rotation, Array]

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.body.build import average_for
+from distretarget.body.build import average_build_of
 from distretarget.checks import check_kind
 from distretarget.contact_entries import Contact, ContactList, Entry, Plant
 from distretarget.matching.matching import Matching
@@ -89,7 +89,7 @@ def contacts_of(baseline: Baseline) -> ContactList:
 def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedContact, ...]:
     """Return contacts found in the source of a result, and those that the user dropped and added, by first frame."""
     clip = Clip.of(result.matching, RootScale.even(result.root_scale))
-    entries = [(entry, frames_of(result.contact_list, clip, entry)) for entry in result.contact_list if entry.acts]
+    entries = [(each, frames_of(result.contact_list, clip, each)) for each in result.contact_list if each.has_effect]
     marked = []
     for entry, on in entries:
         if getattr(entry, "keep", True):
@@ -138,7 +138,7 @@ class _SkinGaps:
 
     def __init__(self, matching: Matching, clip: Clip) -> None:
         body, self.source = matching.source, clip.source
-        capsules = average_for(body).on(body)
+        capsules = average_build_of(body).on(body)
         self.skin = BodySkin.of(body, capsules) if len(capsules) else None
         self.regions = {
             int(self.skin.of_joint[driver]): clip.regions.of_joint[joint]

@@ -7,7 +7,7 @@ from typing import Literal, get_args
 
 from distretarget.baseline.engine_root import RootFollows
 from distretarget.baseline.world import RootOffset
-from distretarget.checks import brief, check_choice, check_number
+from distretarget.checks import brief_repr, check_choice, check_number
 from distretarget.objectives.resting_joints import Environment
 from distretarget.skeleton import AXES, LARGEST, SMALLEST
 
@@ -66,7 +66,7 @@ class Options:
     root_offset: RootOffset | None = None
     root_follows: RootFollows | None = None
 
-    __repr__ = brief
+    __repr__ = brief_repr
 
     def __post_init__(self) -> None:
         for name, choices in CHOICES.items():

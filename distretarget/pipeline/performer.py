@@ -12,12 +12,12 @@ from distretarget.baseline.engine_root import EngineRoot, along_channels, find_e
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
 from distretarget.body.bare import bare_mesh
-from distretarget.body.beside import Tree, without_twins
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Build, Builds, built, capsules_of
-from distretarget.body.pelvis import Way, at_thighs, way_to_thighs
+from distretarget.body.build import OWN_BUILDS, Build, Builds, capsules_by_build, capsules_of
+from distretarget.body.pelvis import JointShift, shift_to_thighs, with_hips_at_thighs
 from distretarget.body.single_bones import straightened
 from distretarget.body.skin_anchors import AnchoredSkin
+from distretarget.body.tree_repairs import Reparented, without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -59,13 +59,13 @@ class Match:
     mesh: SkinnedMesh | None = None  # of the target; None if its thickness is not that of a mesh
     source_mesh: SkinnedMesh | None = None  # of the source, if its own file has one
     skeleton: Skeleton | None = None  # of the target's file, if its parents are others than those of the target's body
-    hips: Way | None = None  # from the hips of the target's file to those of its body; None where they are the same
+    hips: JointShift | None = None  # from the hips of the target's file to those of its body; or None
 
     def in_file(self, motion: Motion) -> Motion:
         """Return a motion of the target's body on the skeleton of its file."""
         skeleton = self.skeleton
-        motion = self.hips.back.motion(motion) if self.hips else motion
-        return Tree(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
+        motion = self.hips.inverse.motion(motion) if self.hips else motion
+        return Reparented(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
 
     @cached_property
     def undersides(self) -> Undersides | None:
@@ -137,13 +137,13 @@ def match_performer(transfer: Transfer) -> Match:
     _check(source, goal.skeleton)
     pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
-    source_body = at_thighs(Body.of_motion(without_twins(source, named)))
+    source_body = with_hips_at_thighs(Body.of_motion(without_twins(source, named)))
     source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
     body = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
-    hips = way_to_thighs(body)
+    hips = shift_to_thighs(body)
     if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
         hips = None
-    body = at_thighs(body) if hips else body
+    body = with_hips_at_thighs(body) if hips else body
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(source_body, body, **ups, root_offset=options.root_offset)
     matching = match(straightened(world.to_target_axes(source_body), body), body.with_up(world.up), pairs)
@@ -154,18 +154,18 @@ def match_performer(transfer: Transfer) -> Match:
     mesh = mesh if skins else None
     source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
     skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
-    matching = matching.on_mesh_soles(mesh)
+    matching = matching.with_mesh_soles(mesh)
     other_parents = (body.skeleton.parents != goal.skeleton.parents).any()
     found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if other_parents else None, hips)
     if found.undersides is not None and found.undersides.feet_have_mesh:
-        return replace(found, matching=matching.on_resting_soles)
+        return replace(found, matching=matching.with_resting_soles)
     return found
 
 
 def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, transfer: Transfer) -> Build | None:
     """The build of the target, with its mesh, for a source that is the same rig and so as thick; else None."""
     own = goal.is_measured and transfer.builds.target is None and transfer.options.skin != "average"
-    if not own or not matching.is_one_rig or matching.target.anatomy is None:
+    if not own or not matching.is_same_rig or matching.target.anatomy is None:
         return None
     return Build.of(matching.target, target_capsules(goal), mesh)
 
@@ -178,8 +178,9 @@ def _find_skins(matching: Matching, goal: Target, source_build: Build | None, tr
     build = builds.target or (builds.source if isinstance(transfer.target, SkeletonEdit) else None)
     if not (average or build or goal.is_measured):
         return None
-    target = built(matching.target, None if average else build) if build or average else target_capsules(goal)
-    return Skins.of(matching, built(matching.source, source_build), target)
+    source, build = capsules_by_build(matching.source, source_build), None if average else build
+    target = capsules_by_build(matching.target, build) if build or average else target_capsules(goal)
+    return Skins.of(matching, source, target)
 
 
 @lru_cache(maxsize=4)
@@ -251,7 +252,7 @@ class Performer:
         Raises:
             MotionError: a frame of the result is wrong; the message names joint and frame.
         """
-        self.clip.copy.forget()  # poses are solved; turning the copy by them takes no positions
+        self.clip.copy.clear_cache()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
         posed = self._as_channels_allow(posed)
         placed = along_channels(self.engine_root.placed(posed), self.match.matching.body_joints)
@@ -259,7 +260,7 @@ class Performer:
         check_finite(motion)
         check_places(posed, self.clip)
         for each in (motion, self.baseline.rotation_copy):  # frees memory, as writing takes no positions
-            each.forget()
+            each.clear_cache()
         return RetargetResult(
             baseline=self.baseline,
             motion=motion,

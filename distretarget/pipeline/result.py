@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.engine_root import path_carriers
 from distretarget.baseline.world import World
-from distretarget.body.beside import Tree
 from distretarget.body.body import Body
-from distretarget.body.pelvis import way_to_thighs
-from distretarget.contact_entries import NO_CONTACTS, ContactList, Drop
+from distretarget.body.pelvis import shift_to_thighs
+from distretarget.body.tree_repairs import Reparented
+from distretarget.contact_entries import NO_CONTACTS, ContactList, DroppedContact
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
@@ -35,7 +35,7 @@ from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.causes import Causes
-from distretarget.rig import found_once
+from distretarget.rig import rig_cached
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -79,7 +79,7 @@ class Baseline:
         """Return the rotation copy measured against a reference, frame by frame."""
         comparison = reference.compare(self.on_body(self.rotation_copy))
         self.stress  # noqa: B018 - while its positions are known
-        self.rotation_copy.forget()
+        self.rotation_copy.clear_cache()
         return comparison
 
     @cached_property
@@ -100,12 +100,12 @@ class Baseline:
         """Return a motion of the target's file on the skeleton of its body, the inverse of `Match.in_file`."""
         own = self.matching.target.skeleton
         other_parents = (motion.skeleton.parents != own.parents).any()
-        motion = Tree(own, np.arange(len(own))).motion(motion) if other_parents else motion
-        way = way_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
-        return way.motion(motion) if way else motion
+        motion = Reparented(own, np.arange(len(own))).motion(motion) if other_parents else motion
+        shift = shift_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
+        return shift.motion(motion) if shift else motion
 
 
-@found_once
+@rig_cached
 def _skin_of(body: Body, capsules: Capsules, mesh: SkinnedMesh | None) -> Skin:
     return find_skin(body, capsules, mesh)
 
@@ -135,7 +135,7 @@ class RetargetResult:
     postures: Postures | None
     contact_list: ContactList = NO_CONTACTS
     unmet: tuple[Remark, ...] = ()
-    drops: tuple[Drop, ...] = ()
+    drops: tuple[DroppedContact, ...] = ()
 
     def __repr__(self) -> str:
         return f"<RetargetResult of {len(self.motion)} frames, mean stress {self.written_stress.mean():.3g}>"
@@ -220,7 +220,7 @@ class RetargetResult:
     def _compared(self, reference: Reference) -> Comparison:
         comparison = reference.compare(self.baseline.on_body(self.motion))
         self.written_stress  # noqa: B018 - while its positions are known
-        self.motion.forget()
+        self.motion.clear_cache()
         return comparison
 
     @cached_property
@@ -325,7 +325,7 @@ class RetargetResult:
 
     def _lost_turn(self) -> Iterator[Remark]:
         skeleton, pelvis = self.motion.skeleton, self.matching.pelvis
-        if any(skeleton.rotation_axes(joint) for joint in skeleton.line(pelvis)):
+        if any(skeleton.rotation_axes(joint) for joint in skeleton.to_root(pelvis)):
             return
         turn = np.degrees(Rotation.from_quat(self.rotation_copy.world_rotations_of(pelvis)).magnitude()).max(
             initial=0.0

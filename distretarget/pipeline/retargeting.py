@@ -10,7 +10,7 @@ from pathlib import Path
 from types import NoneType
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.baseline.world import on_own_soles
+from distretarget.baseline.world import raised_onto_soles
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
@@ -131,14 +131,14 @@ class Prepared:
 
 def _unconstrained(performer: Performer, mapper: Mapper, progress: Progress) -> Unconstrained:
     poses = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper, progress=progress)
-    performer.clip.copy.forget()  # turning the copy by the poses takes no positions
+    performer.clip.copy.clear_cache()  # turning the copy by the poses takes no positions
     return Unconstrained(poses, performer.with_own_skin(performer.posed(poses)))
 
 
 def prepare(transfer: Transfer, settings: ContactSettings = DEFAULT_SETTINGS) -> Prepared:
     """Match a clip to its target, and find its supports; errors as in `retarget`."""
     options, match = transfer.options, match_performer(transfer)
-    match = replace(match, matching=on_own_soles(match.matching, options.root_scale, match.undersides))
+    match = replace(match, matching=raised_onto_soles(match.matching, options.root_scale, match.undersides))
     performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
         return Prepared(replace(performer, settings=settings), options)

@@ -374,7 +374,7 @@ def shown_actor(name: str, side: int, target: Target, motion: Motion | None) -> 
     """Return a target as an actor, in a motion or in its rest pose, facing the camera at first."""
     skeleton = target.skeleton if motion is None else motion.skeleton
     if motion is None or not len(motion):
-        motion = Motion(skeleton, skeleton.offsets[None, 0], skeleton.unturned[None], STILL)
+        motion = Motion(skeleton, skeleton.offsets[None, 0], skeleton.rest_rotations[None], STILL)
     body = Body.of_motion(motion)
     mesh = target.mesh()
     capsules = None if mesh else capsules_of(body, None, target.radii)

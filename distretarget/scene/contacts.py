@@ -22,8 +22,8 @@ from distretarget.numerics.joint_pairs import come_near, least_distances
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.rotations import nearest_rotations
-from distretarget.numerics.time_series import Shots, by_shot, median_of_three, over_runs
-from distretarget.numerics.vectors import Array, Numbers, lengths, level, spread_out
+from distretarget.numerics.time_series import Shots, by_shot, median_of_three, run_means
+from distretarget.numerics.vectors import Array, Numbers, farthest_points, lengths, level
 from distretarget.objectives.activation import FADE, ContactSettings, activation, activation_window
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_pairs import pair_stiffness
@@ -334,7 +334,7 @@ def joint_compliance(one: Performer) -> Array:
     """
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
-    limbs = [[*takewhile(lambda each: not trunk[each], skeleton.line(joint))] for joint in range(len(skeleton))]
+    limbs = [[*takewhile(lambda each: not trunk[each], skeleton.to_root(joint))] for joint in range(len(skeleton))]
     length = np.array([skeleton.paths_from(limb[0])[limb[-1]] if limb else 0.0 for limb in limbs])
     held = np.zeros((len(clip), len(skeleton)))
     for support, joint in enumerate(one.supports.joints):
@@ -351,7 +351,7 @@ def _contact_points(one: Performer) -> ContactPoints:
     for region in range(len(matching.regions.names)):
         points = np.flatnonzero(regions == region)
         tau = skeleton.paths_among(distances.sources[points])
-        chosen += points[spread_out(tau, REGION_POINTS)].tolist() if len(points) else []
+        chosen += points[farthest_points(tau, REGION_POINTS)].tolist() if len(points) else []
     sources, joints = distances.sources[chosen], distances.targets[chosen]
     return ContactPoints(
         joints=joints,
@@ -419,7 +419,7 @@ def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
     moves = joint_speeds(clip.source, clip.drivers[joints], clip.shots) > REST_SPEED * clip.leg_lengths[0]
     weights = near.f[:, on] * np.where(moves, MOVING, 1.0)
     for column, each, weight in zip(on, higher.T, weights.T, strict=True):
-        rises[:, column] = by_shot(over_runs, clip.shots, each[:, None], weight) * clip.up
+        rises[:, column] = by_shot(run_means, clip.shots, each[:, None], weight) * clip.up
     return rises
 
 
@@ -445,5 +445,5 @@ def moved_by(one: Performer, by: Array) -> Performer:
         is_foot = support < supports.feet
         resting = rests[:, [support, support ^ 1]].any(axis=1) if is_foot else rests[:, support]
         moved = level(by, clip.up) if is_foot else by
-        places[:, support] += by_shot(over_runs, clip.shots, moved, resting.astype(float))
+        places[:, support] += by_shot(run_means, clip.shots, moved, resting.astype(float))
     return replace(one, clip=clip.raised(by), supports=replace(supports, places=places))

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from distretarget.baseline.rotation_copy import RootScale, find_root_scale, followed_scale, longest_strides
+from distretarget.baseline.rotation_copy import RootScale, common_level_scale, find_root_scale, longest_strides
 from distretarget.baseline.world import rise_onto_soles
 from distretarget.body.build import OWN_BUILDS, Builds
 from distretarget.checks import check_callable, check_kind, check_number
@@ -188,7 +188,7 @@ def retarget_transfers(
     transfers, props = _facing_one_way(transfers, props)
     performers, heights, units = _in_one_unit(transfers)
     longest = [longest_strides(performer.matching) for performer in performers]
-    level = world_scale or followed_scale(heights, longest)
+    level = world_scale or common_level_scale(heights, longest)
     placed = [_placed(prop, performers, level, heights) for prop in props]
     prepared = []
     for match, height, given in zip(performers, heights, transfers, strict=True):
@@ -291,9 +291,9 @@ def _facing_one_way(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tup
     """Return performers and props, all looking to +Z where some but not all bodies look to -Z by convention."""
     if len({(each.source.skeleton.looks_back, each.goal.skeleton.looks_back) for each in transfers}) == 1:
         return transfers, props
-    ahead = ((each, each.source.looking_ahead(), each.loaded.looking_ahead()) for each in transfers)
+    ahead = ((each, each.source.facing_forward(), each.loaded.facing_forward()) for each in transfers)
     turned = [replace(each, source=source, target=target) for each, source, target in ahead]
-    return turned, [replace(prop, motion=prop.motion.looking_ahead()) for prop in props]
+    return turned, [replace(prop, motion=prop.motion.facing_forward()) for prop in props]
 
 
 def _placed(prop: Prop, performers: Sequence[Match], level: float, heights: Sequence[float]) -> PlacedProp:

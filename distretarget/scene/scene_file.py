@@ -219,7 +219,7 @@ def _prop_from(prop: PropFiles, motion: Motion | None, surface: PropSurface | No
         if motion is None:
             assert prop.part_of is not None
             source, joint = sources[prop.part_of.performer], prop.part_of.joint
-            motion, above = prop_of(source, joint), source.skeleton.line(source.skeleton.index(joint))[1:2]
+            motion, above = prop_of(source, joint), source.skeleton.to_root(source.skeleton.index(joint))[1:2]
             held_by = held_by or tuple(Grip(prop.part_of.performer, source.skeleton.keys[each]) for each in above)
         return Prop(name=prop.name, motion=motion, scale=prop.scale, held_by=held_by, surface=surface)
 

@@ -27,7 +27,7 @@ from distretarget.ik.springs import Springs, joined
 from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
-from distretarget.numerics.time_series import by_shot, over_runs, smoothstep, widened
+from distretarget.numerics.time_series import by_shot, run_means, smoothstep, widened
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level, normalised
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.constraints import Carrier, Constraints
@@ -159,7 +159,7 @@ def _separations(
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
         one, other = of_source
         to_clear = [one.distance_to_clear(other, along, -TOUCH, -1.0) for along in (sideways, upwards)]
-        is_on = by_shot(over_runs, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
+        is_on = by_shot(run_means, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
         yield separation(of_target, along=upwards, allowed=np.where(is_on, 0.0, np.inf), shares=free * [1.0, 0.0])
         if of_target is targets:
             allowed = np.where(is_on, np.inf, sources[0].distance_to_clear(sources[1], sideways, 0.0))

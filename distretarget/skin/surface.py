@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, cross, halves, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -167,7 +167,7 @@ def _shares(triangles: Numbers, numbers: Numbers, are_large: Flags) -> Array:
 def _by_neighbours(places: Array, segments: Numbers) -> list[Numbers]:
     """Points, (points, 3), in runs of neighbours, one segment after the other."""
     groups = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
-    return [run for group in groups for run in halves(places, group, RUN)]
+    return [run for group in groups for run in bisected(places, group, RUN)]
 
 
 def _runs(places: Bound, dipoles: Array, first: Numbers, segments: Numbers) -> Runs:

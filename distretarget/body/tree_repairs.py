@@ -1,5 +1,5 @@
-"""Joints that a file does not hang where a body has them: feet and hands that hang from the root, as in baked IK rigs,
-not from shin and forearm; and twins, second joints at the place of others, which may have their rotations.
+"""Repairs of a joint tree: feet and hands that hang from the root, as in baked IK rigs, move below shin and forearm;
+twins, two joints at one place of which either may turn, become one joint.
 """
 
 from __future__ import annotations
@@ -21,24 +21,23 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Numbers, extent, lengths
 from distretarget.skeleton import ROTATION_CHANNELS, Skeleton
 
-SHORTEST, LONGEST = 0.4, 1.6  # a lower bone is between so many times as long as the upper one: 0.45 in CMU's subject 5
-STRAIGHT = np.radians(60)  # the limb of a rest pose bends by less than this at knee or elbow [rad]
+SHORTEST, LONGEST = 0.4, 1.6  # length of a lower bone: 0.45 in CMU's subject 5 [lengths of the upper bone]
+STRAIGHT = np.radians(60)  # a limb in the rest pose bends by less than this at knee or elbow [rad]
 STRETCH = 0.25  # a baked limb stretches by less than this where its handle was out of reach [of its length]
-SAME_PLACE = 1e-6  # a joint within this of its offset is there [body sizes]
-NEAR = 1e-6  # a twin is this near to its parent [longest paths]
+SAME_PLACE = 1e-6  # a translation within this of the offset is set to it [body sizes]
+NEAR = 1e-6  # a twin is at most this far from its parent [longest paths]
 
 
-class Hanging(NamedTuple):
-    """A foot or hand and the joint from which it hangs on a body."""
+class DetachedLimb(NamedTuple):
+    """A foot or hand that does not hang from its limb in the file."""
 
     joint: int
-    above: int  # knee or elbow
+    above: int  # the knee or elbow from which it should hang
 
 
-def limbs_beside(skeleton: Skeleton, motion: Motion | None = None) -> Iterator[Hanging]:
-    """Yield the feet and hands of a skeleton that do not hang from their limb, but are named for it and are where it
-    ends: in all frames of a motion, or without one in the rest pose. There are none in a file that states which joint
-    is which part of the body.
+def detached_limbs(skeleton: Skeleton, motion: Motion | None = None) -> Iterator[DetachedLimb]:
+    """Yield the feet and hands of a skeleton that do not hang from their limb, but have its name and are at its end in
+    all frames of a motion, or without one in the rest pose. A file with a `humanoid` has none.
     """
     tree = NamedTree.of(skeleton)
     anatomy = None if skeleton.humanoid else by_tree(tree)
@@ -52,14 +51,14 @@ def limbs_beside(skeleton: Skeleton, motion: Motion | None = None) -> Iterator[H
         meanings = name_meanings(tree)
         for joint in skeleton.joints:
             is_named = meanings.names[joint].side == side and part in meanings.parts(joint)
-            apart = upper not in skeleton.line(joint) and joint not in skeleton.line(lower)
-            if is_named and apart and _goes_on(skeleton, motion, upper, lower, joint):
-                yield Hanging(joint, lower)
+            apart = upper not in skeleton.to_root(joint) and joint not in skeleton.to_root(lower)
+            if is_named and apart and _is_limb_end(skeleton, motion, upper, lower, joint):
+                yield DetachedLimb(joint, lower)
                 break
 
 
-def _goes_on(skeleton: Skeleton, motion: Motion | None, upper: int, lower: int, joint: int) -> bool:
-    """Whether a joint is where the limb ends whose bone leads from `upper` to `lower`."""
+def _is_limb_end(skeleton: Skeleton, motion: Motion | None, upper: int, lower: int, joint: int) -> bool:
+    """Whether a joint is at the end of the limb whose upper bone leads from `upper` to `lower`."""
     x = skeleton.rest_positions[None] if motion is None else motion.positions
     bone, onward = x[:, lower] - x[:, upper], x[:, joint] - x[:, lower]
     length = lengths(onward)
@@ -69,19 +68,19 @@ def _goes_on(skeleton: Skeleton, motion: Motion | None, upper: int, lower: int, 
     return not is_bend(bone[0], onward[0], STRAIGHT) if motion is None else bool(np.ptp(length) < STRETCH * usual)
 
 
-class Tree(NamedTuple):
-    """A skeleton made of some joints of another one, at the same places in another tree."""
+class Reparented(NamedTuple):
+    """A skeleton with joints of another one, the original, at the same places but with other parents."""
 
     skeleton: Skeleton
-    joints: Numbers  # (joints,), the joint of the other skeleton that each is
+    joints: Numbers  # (joints,), the joint of the original that each joint is
 
     @property
     def in_order(self) -> bool:
-        """Whether it has all joints of the other skeleton, in their order."""
+        """Whether it has all joints of the original, in their order."""
         return bool((self.joints == np.arange(len(self.joints))).all())
 
     def motion(self, motion: Motion) -> Motion:
-        """Return a motion of the other skeleton by this one: all joints are where and turned as they were."""
+        """Return a motion of the original on this skeleton, with the same world positions and rotations."""
         world, places = motion.world_rotations[:, self.joints], motion.positions[:, self.joints]
         parents = self.skeleton.parents
         is_below = (parents >= 0)[:, None]
@@ -94,9 +93,9 @@ class Tree(NamedTuple):
         return Motion.of_translations(self.skeleton, translations, rotations, motion.frame_time_text)
 
 
-def in_tree(skeleton: Skeleton, parents: Mapping[int, int], channels: Mapping[int, Sequence[str]]) -> Tree:
-    """Return the skeleton of some joints of another one, each with its parent among them, -1 for the root, in
-    `parents`, and with its channels.
+def reparented(skeleton: Skeleton, parents: Mapping[int, int], channels: Mapping[int, Sequence[str]]) -> Reparented:
+    """Return a skeleton with other parents: `parents` has the parent of each joint that stays, -1 for the root, and
+    `channels` the channels of these joints.
     """
     joints = _top_down(parents)
     places, numbers = skeleton.rest_positions, {joint: number for number, joint in enumerate(joints)}
@@ -110,25 +109,23 @@ def in_tree(skeleton: Skeleton, parents: Mapping[int, int], channels: Mapping[in
         channels=tuple(tuple(channels[joint]) for joint in joints),
         end_sites=skeleton.end_sites[joints],
     )
-    return Tree(made, np.array(joints))
+    return Reparented(made, np.array(joints))
 
 
-def limbs_on_body(skeleton: Skeleton, motion: Motion | None = None) -> Tree | None:
-    """Return the skeleton in which feet and hands hang from shin and forearm, turning only; None where they do. A
-    motion, if there is one, shows where they are.
+def attached_limbs(skeleton: Skeleton, motion: Motion | None = None) -> Reparented | None:
+    """Return the skeleton with feet and hands attached to shin and forearm, with rotation channels only; None if they
+    are attached already. A motion, if given, shows where they are.
     """
-    beside = [*limbs_beside(skeleton, motion)]
-    if not beside:
+    detached = [*detached_limbs(skeleton, motion)]
+    if not detached:
         return None
-    turns = {
-        joint: tuple(each for each in skeleton.channels[joint] if each in ROTATION_CHANNELS) for joint, _ in beside
-    }
-    parents = dict(enumerate(skeleton.parents.tolist())) | dict(beside)
-    return in_tree(skeleton, parents, dict(enumerate(skeleton.channels)) | turns)
+    channels = dict(enumerate(skeleton.channels))
+    channels |= {joint: tuple(each for each in channels[joint] if each in ROTATION_CHANNELS) for joint, _ in detached}
+    return reparented(skeleton, dict(enumerate(skeleton.parents.tolist())) | dict(detached), channels)
 
 
 def _top_down(parents: Mapping[int, int]) -> list[int]:
-    """The joints of a tree, each after its parent: in their order if that is so in it."""
+    """The joints of a tree, each after its parent; in ascending order if that has parents first."""
     if all(parent < joint for joint, parent in parents.items()):
         return sorted(parents)
     below: dict[int, list[int]] = defaultdict(list)
@@ -145,33 +142,33 @@ def _top_down(parents: Mapping[int, int]) -> list[int]:
 
 def without_twins(motion: Motion, kept: Collection[str] = ()) -> Motion:
     """Return a motion in which a joint and its twin, such as "Arm" and "Arm.001" or "Arm_rot", are one joint with the
-    rotations of both; the same motion where there is none, or where one of the twins is `kept`, by key.
+    rotations of both; the same motion if there are no twins, or if a twin's key is in `kept`.
     """
     skeleton = motion.rigid_skeleton
     twins = {*_twins(skeleton)}
     if not twins or any(skeleton.keys[twin] in kept for twin in twins):
         return motion
-    lowest = list(range(len(skeleton)))  # of the twins at the place of each joint
+    lowest = list(range(len(skeleton)))  # the lowest twin at the place of each joint
     for twin in sorted(twins, reverse=True):
         lowest[skeleton.parents[twin]] = lowest[twin]
     tops = [joint for joint in range(len(skeleton)) if joint not in twins]
     above = {lowest[top]: lowest[skeleton.parents[top]] if top else -1 for top in tops}
-    tree = in_tree(skeleton, above, {lowest[top]: skeleton.channels[top] for top in tops})
+    tree = reparented(skeleton, above, {lowest[top]: skeleton.channels[top] for top in tops})
     names = {lowest[top]: skeleton.names[top] for top in tops}
     one_each = replace(tree.skeleton, names=tuple(names[joint] for joint in tree.joints.tolist()))
-    return Tree(one_each, tree.joints).motion(motion)
+    return Reparented(one_each, tree.joints).motion(motion)
 
 
 def _twins(skeleton: Skeleton) -> Iterator[int]:
-    """The twins: joints at their parent's place, its only children, with its name and one more word, not a number, as
-    joints of a spine have.
+    """The twins: joints that coincide with their parent, are its only children, and have its name with one more word;
+    a number, as in the joints of a spine, is no word.
     """
     near = skeleton.lengths <= NEAR * skeleton.longest_path
     for joint in skeleton.joints[1:]:
         parent = skeleton.parents.item(joint)
-        more = skeleton.names[joint].removeprefix(skeleton.names[parent])
-        is_word = more[:1].isupper() or not more[:1].isalnum()
-        named = more not in ("", skeleton.names[joint]) and is_word
-        alone = [child for child in skeleton.children[parent] if not skeleton.end_sites[child]] == [joint]
-        if near[joint] and alone and named:
+        suffix = skeleton.names[joint].removeprefix(skeleton.names[parent])
+        is_word = suffix[:1].isupper() or not suffix[:1].isalnum()
+        named = suffix not in ("", skeleton.names[joint]) and is_word
+        only_child = [child for child in skeleton.children[parent] if not skeleton.end_sites[child]] == [joint]
+        if near[joint] and only_child and named:
             yield joint
