@@ -10,7 +10,7 @@ from bodies import sample_target
 
 from distretarget import Body, Motion
 from distretarget.body.build import average_for
-from distretarget.objectives.approach import HEAD, approached
+from distretarget.objectives.approach import HEAD, with_hands_on_source_side
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.skin.limbs import bent, reaching
 
@@ -54,7 +54,8 @@ def overhead():
 
 def brought(target, free=1.0):
     clip = SimpleNamespace(source=overhead(), averaged=lambda values, _: values, widened=lambda values, _: values)
-    return approached(clip, Skins(skin(), target), overhead(), np.full((len(SIDES), len(target.limbs)), free))
+    free = np.full((len(SIDES), len(target.limbs)), free)
+    return with_hands_on_source_side(clip, Skins(skin(), target), overhead(), free)
 
 
 def test_a_hand_in_a_large_head_goes_to_the_sources_side_and_out_as_far_as_it_reaches():
@@ -103,7 +104,7 @@ def test_hands_that_touch_are_on_the_sides_on_which_the_source_has_them(apart, p
     front = still.positions[0, body.limbs[0].top] * [0.0, 1.0, 1.0] + [0.0, 0.0, 0.25 * body.unit]
     source, copy = (with_hands(still, front + hand * far * np.array([left, -left])) for far in (apart, passed))
     clip = SimpleNamespace(source=source, averaged=lambda values, _: values, widened=lambda values, _: values)
-    result = approached(clip, Skins(body, body), copy, np.ones((len(copy), len(body.limbs))))
+    result = with_hands_on_source_side(clip, Skins(body, body), copy, np.ones((len(copy), len(body.limbs))))
     wanted = centres(body, source if moves else copy)
     (found, other), (left_hand, right_hand) = centres(body, result), wanted
     np.testing.assert_allclose(found - other, left_hand - right_hand, atol=0.5 * hand)

@@ -24,11 +24,11 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.body_skin import BodySkin, limbs_of
-from distretarget.objectives.constraint_reach import Reaching, with_looks
-from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_anchors_apart, with_constraints
+from distretarget.objectives.constraint_reach import LimbReach, with_looks
+from distretarget.objectives.constraint_springs import correction, eased_gap, joint_offset, with_constraints, with_gaps
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
-from distretarget.objectives.skin import Reach
+from distretarget.objectives.skin import LimbTargets
 from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
@@ -100,7 +100,7 @@ def constrained_result(
     held = _held(bound, poses, mapper)
     for _ in range(1, ROUNDS):
         closed = _closed(bound, bound.posed(held), made)
-        offsets = [between(closed, constraint.pair, bound.clip) if constraint.pair else None for constraint in made]
+        offsets = [joint_offset(closed, each.pair, bound.clip) if each.pair else None for each in made]
         bound = constrain(free, constraints, offsets)
         held = _held(bound, poses, mapper)
     log = np.where(made.share > 0.0, held.log, poses.log)
@@ -119,7 +119,7 @@ def settled(performer: Performer, motion: Motion, constraints: Constraints, skin
     made = constraints.made
     for _ in range(SETTLES):
         motion = _closed(performer, motion, made)
-        made = with_anchors_apart(made, motion, skin)
+        made = with_gaps(made, motion, skin)
     return replace(made, every=(*constraints.drops, *made))
 
 
@@ -170,41 +170,41 @@ def met(performer: Performer, motion: Motion, constraints: Constraints) -> Motio
     limbs, weights = _reaching(performer, constraints), [constraint.weight for constraint in constraints]
     pairs = (skins.target.between(*constraint.joints) for constraint in constraints if constraint.anchors)
     anchored = np.concatenate([np.zeros(0, np.intp), *pairs])
-    before = limbs.brought_out(with_looks(motion, constraints, body), weights)
+    before = limbs.arms_out_of_trunk(with_looks(motion, constraints, body), weights)
     for _ in range(FACES if len(anchored) else 1):
-        before = limbs.reached(before, weights, SMOOTHING)
+        before = limbs.with_gaps_closed(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
-    displacements, ties = limbs.displacements(before, places)
+    displacements, firmness = limbs.displacements(before, places)
     best, least = before, np.inf
     for _ in range(TURNS):
-        reach = Reach(displacements / body.unit, ties, tuple(filter(None, gaps)), anchored)
-        now = performer.with_own_skin(before, reach, wanted)
+        targets = LimbTargets(displacements / body.unit, firmness, tuple(filter(None, gaps)), anchored)
+        now = performer.with_own_skin(before, targets, wanted)
         left = _farthest(performer, constraints, now)
         if left < least:
             best, least = now, left
-        if left <= MET * body.height or not ties.any():
+        if left <= MET * body.height or not firmness.any():
             break
-        displacements += (ties == 1.0)[..., None] * limbs.displacements(now, places)[0]
+        displacements += (firmness == 1.0)[..., None] * limbs.displacements(now, places)[0]
     return with_looks(best, constraints, body)
 
 
 def _closed(performer: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """A motion that meets constraints, whatever skin its limbs enter."""
     limbs, weights, body = _reaching(performer, constraints), constraints.all_firmness, performer.match.matching.target
-    motion = limbs.brought_out(with_looks(motion, constraints, body), weights)
+    motion = limbs.arms_out_of_trunk(with_looks(motion, constraints, body), weights)
     left, last = np.inf, np.inf
     for steady in CLOSING:
-        motion, last = limbs.reached(motion, weights, steady), left
+        motion, last = limbs.with_gaps_closed(motion, weights, steady), left
         left = _farthest(performer, constraints, motion)
         if left <= MET * body.height or left >= last:
             break
     return with_looks(motion, constraints, body)
 
 
-def _reaching(performer: Performer, constraints: Constraints) -> Reaching:
-    """The limbs of a performer, which reach for what is asked."""
-    return Reaching(constraints, performer.supports, performer.match.matching.target, performer.match.skins)
+def _reaching(performer: Performer, constraints: Constraints) -> LimbReach:
+    """The limbs of a performer, to be moved to its constraints."""
+    return LimbReach(constraints, performer.supports, performer.match.matching.target, performer.match.skins)
 
 
 def _farthest(performer: Performer, constraints: Constraints, posed: Motion) -> float:
@@ -225,7 +225,7 @@ def _off(performer: Performer, constraints: Constraints, posed: Motion) -> Itera
     """Yield constraints, and how far they are off in a motion where they are to be met, (frames,) [file units]."""
     clip = constraints.clip
     for constraint in constraints:
-        off = lengths(off_by(constraints, constraint, posed, performer.supports, performer.match.skins)) * clip.unit
+        off = lengths(correction(constraints, constraint, posed, performer.supports, performer.match.skins)) * clip.unit
         yield constraint, np.where(constraint.frames & (constraint.weight == 1.0), off, 0.0)
 
 
