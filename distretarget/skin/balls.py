@@ -17,8 +17,8 @@ from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, 
 
 SPACING = 1.2  # between the balls of a limb [radii]
 MOST_BALLS = 7  # of a capsule
-NEVER = 1e9  # the gap offset of a ball and a capsule whose gap is not looked at
-OVERLAP = 0.5  # gaps are not looked at if the ball is deeper than this in the reference pose [radii]
+NEVER = 1e9  # the gap offset of a ball and a capsule whose gap is ignored
+OVERLAP = 0.5  # the gap of a ball that is deeper than this in a capsule in the reference pose is ignored [radii]
 
 NO_SEGMENTS = np.zeros(0, np.intp)
 ARM_PARTS, LEG_PARTS = LIMB_SEGMENTS[:3], LIMB_SEGMENTS[3:]
@@ -55,7 +55,7 @@ class Balls(NamedTuple):
     of_capsule: I1  # (segments + 1,), the first capsule of each segment
     pairs: I2  # (pairs, 2), the segments that can touch: that of the balls, that of the capsules
     # (balls, capsules), subtracted from gaps: the gap in the reference pose if that is negative, else 0, less the
-    # overlap that soft tissue allows; `NEVER` for gaps that are not looked at
+    # overlap that soft tissue allows; `NEVER` for gaps that are ignored
     gap_offsets: F2
 
 
@@ -98,7 +98,7 @@ def _rows(capsules: Capsules) -> tuple[Numbers, Array]:
 
 @compiled()
 def _write_gap_offsets(balls: Balls, posed: F3, p: Out[F1], axis: Out[F1], gap_offsets: Out[F2]) -> None:
-    """Write `Balls.gap_offsets`: the negative gaps of the reference pose, and 0 for other gaps that are looked at."""
+    """Write `Balls.gap_offsets` of gaps that are not ignored: the gap in the reference pose, if negative, else 0."""
     for pair in range(len(balls.pairs)):
         a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
         for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
