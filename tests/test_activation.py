@@ -15,7 +15,7 @@ from distretarget.distances import distance_problem
 from distretarget.ik.springs import Springs
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
 from distretarget.objectives.contact_pairs import LEAST_PATH, STIFFNESS, CandidatePairs, ContactSearch, candidate_pairs
-from distretarget.objectives.contact_terms import WITHIN, write_pair_spring
+from distretarget.objectives.contact_terms import LINEAR_RANGE, write_pair_spring
 from distretarget.objectives.supports import Supports, no_supports
 
 REACH = ContactSettings().reach
@@ -351,7 +351,7 @@ def test_the_pull_of_a_pair_is_bounded_and_within_reach_it_grows_with_the_change
     pull = springs.A[:, 0, 0, 0] * asked
     assert pull[2] == pytest.approx(2 * pull[1], rel=1e-3)
     assert pull[-1] == pytest.approx(pull[-2], rel=1e-2)
-    assert pull[-1] == pytest.approx(springs.A[0, 0, 0, 0] * WITHIN, rel=1e-2)
+    assert pull[-1] == pytest.approx(springs.A[0, 0, 0, 0] * LINEAR_RANGE, rel=1e-2)
 
 
 def test_feet_are_no_pair_while_one_of_them_rests():

@@ -8,10 +8,10 @@ from scipy.spatial.transform import Rotation
 from distretarget import Options, load_target, retarget
 from distretarget.objectives.anchors import anchors
 from distretarget.objectives.body_skin import Skins
+from distretarget.objectives.contact_zones import ContactZones
 from distretarget.objectives.part_axes import PARTS, Axes, rays
 from distretarget.objectives.skin import how_touching
-from distretarget.objectives.spots import Spots
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import GROUP, SEGMENTS
 
 
 def axes():
@@ -74,20 +74,20 @@ def skinned(target="child.json", clip="clap"):
 def touching_all(skin, motion, limb, place):
     """The fields of anchors where one limb touches a place in all frames, on the same body."""
     pairs = skin.balls.pairs
-    spots = Spots.of(pairs[:, 0], PLACE[pairs[:, 1]])
-    firm = (spots.limbs == SEGMENTS.index(limb)) & (spots.places == PLACE[SEGMENTS.index(place)])
+    zones = ContactZones.of(pairs[:, 0], GROUP[pairs[:, 1]])
+    firm = (zones.limbs == SEGMENTS.index(limb)) & (zones.groups == GROUP[SEGMENTS.index(place)])
     firmness = np.tile(firm.astype(float), (len(motion), 1))
     gaps = np.where(pairs[:, 1] == SEGMENTS.index(place), 0.0, 0.05) + np.zeros((len(motion), 1))
-    return anchors(motion, motion, Skins(skin, skin), spots, gaps, firmness)
+    return anchors(motion, motion, Skins(skin, skin), zones, gaps, firmness)
 
 
 @pytest.mark.parametrize(("limb", "place"), [("left hand", "belly"), ("right hand", "left upper arm")])
 def test_on_the_same_body_what_touches_is_at_its_anchor(limb, place):
     skin, motion = skinned()
     fields = touching_all(skin, motion, limb, place)
-    tied = fields["ties"] > 0
+    tied = fields["anchor_weights"] > 0
     assert tied.any()
-    off, out = fields["off"][tied], fields["rays"][tied]
+    off, out = fields["anchor_offsets"][tied], fields["anchor_rays"][tied]
     np.testing.assert_allclose(np.linalg.norm(off, axis=1)[:, None] * out, off, atol=1e-9)
 
 
@@ -96,11 +96,11 @@ def test_places_of_the_other_arm_move_with_it():
     fields = touching_all(skin, motion, "right hand", "left upper arm")
     number = [*PARTS].index("left upper arm")
     right = next(n for n, limb in enumerate(skin.limbs) if SEGMENTS[skin.of_joint[limb.end]] == "right hand")
-    assert (fields["ties"][:, right, number] > 0).all()
-    middle, end = np.moveaxis(fields["carried"][:, right, number], 1, 0)
+    assert (fields["anchor_weights"][:, right, number] > 0).all()
+    middle, end = np.moveaxis(fields["anchor_shares"][:, right, number], 1, 0)
     assert ((middle >= 0) & (middle <= 1)).all()
     np.testing.assert_array_equal(end, 0)
-    np.testing.assert_array_equal(fields["carried"][:, right, [*PARTS].index("trunk")], 0)
+    np.testing.assert_array_equal(fields["anchor_shares"][:, right, [*PARTS].index("trunk")], 0)
 
 
 @pytest.mark.parametrize("clip", ["hands_on_hips"])
@@ -123,8 +123,8 @@ def test_landmarks_of_both_skins_are_upright_where_the_body_stands():
 
 def test_only_hands_and_forearms_touch():
     limbs = np.arange(len(SEGMENTS))
-    spots = Spots.of(limbs, PLACE[np.full(len(limbs), SEGMENTS.index("belly"))])
-    touching = how_touching(spots, np.zeros((2, len(limbs))))
-    names = [SEGMENTS[limb] for limb, touches in zip(spots.limbs, touching[0], strict=True) if touches == 1]
+    zones = ContactZones.of(limbs, GROUP[np.full(len(limbs), SEGMENTS.index("belly"))])
+    touching = how_touching(zones, np.zeros((2, len(limbs))))
+    names = [SEGMENTS[limb] for limb, touches in zip(zones.limbs, touching[0], strict=True) if touches == 1]
     assert sorted(names) == ["left forearm", "left hand", "right forearm", "right hand"]
     assert set(touching.ravel()) == {0.0, 1.0}

@@ -10,7 +10,7 @@ from bodies import sample_target
 
 from distretarget import Body, Motion
 from distretarget.body.build import average_build_of
-from distretarget.objectives.approach import HEAD, approached
+from distretarget.objectives.approach import HEAD, with_hands_on_source_side
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.skin.limbs import bent, reaching
 
@@ -54,7 +54,8 @@ def overhead():
 
 def brought(target, free=1.0):
     clip = SimpleNamespace(source=overhead(), averaged=lambda values, _: values, widened=lambda values, _: values)
-    return approached(clip, Skins(skin(), target), overhead(), np.full((len(SIDES), len(target.limbs)), free))
+    free = np.full((len(SIDES), len(target.limbs)), free)
+    return with_hands_on_source_side(clip, Skins(skin(), target), overhead(), free)
 
 
 def test_a_hand_in_a_large_head_goes_to_the_sources_side_and_out_as_far_as_it_reaches():
@@ -102,7 +103,7 @@ def clapping(apart, passed, unit=1.0):
     of_source = Body.of(scaled.skeleton)
     skins = Skins(BodySkin.of(of_source, average_build_of(of_source).on(of_source)), body)
     clip = SimpleNamespace(source=scaled, averaged=lambda values, _: values, widened=lambda values, _: values)
-    return source, copy, approached(clip, skins, copy, np.ones((len(copy), len(body.limbs))))
+    return source, copy, with_hands_on_source_side(clip, skins, copy, np.ones((len(copy), len(body.limbs))))
 
 
 @pytest.mark.parametrize("unit", [2.0**-7, 2.0**7])

@@ -12,7 +12,7 @@ from table_one import table_one
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.ik.curvature import Curvature, are_first, write_curvature
 from distretarget.ik.poses import part_of_joint, posed_motion, subtree_lengths
-from distretarget.ik.springs import write_way
+from distretarget.ik.springs import write_moving_bones
 from distretarget.objectives.clip import rigid_part_roots
 
 STILL = ("LeftHip", "RightHip", "LeftCollar", "RightCollar", "LeftShoulder")
@@ -92,7 +92,7 @@ def curvature_at(case, v):
     case.positions(v)
     curvature, springs = Curvature.of(case.body), at(case.springs, 0)
     count = len(springs.a)
-    bones = write_way(springs, count, case.body, curvature.below)
+    bones = write_moving_bones(springs, count, case.body, curvature.below)
     parts = write_curvature(bones, v, case.body, case.scratch, springs, count, curvature)
     return curvature.active[:parts], curvature.H[: 3 * parts, : 3 * parts]
 
@@ -137,10 +137,10 @@ def test_a_curvature_says_which_bones_move():
     curvature, count = Curvature.of(case.body), len(springs.a)
 
     def moved():
-        return write_way(springs, count, case.body, curvature.below)
+        return write_moving_bones(springs, count, case.body, curvature.below)
 
     def is_for(bones):
-        return are_first(curvature.bones, curvature.below.way, bones)
+        return are_first(curvature.bones, curvature.below.moving_bones, bones)
 
     everything = moved()
     assert everything > 0

@@ -17,8 +17,8 @@ RATE = 60.0
 REACH = 0.1
 
 
-def asked(skin, motion, firmness=0.0, free=1.0):
-    """What is asked of the limbs in a motion: each pair of segments is a spot of its own, and gaps are to be 0."""
+def frames_of(skin, motion, firmness=0.0, free=1.0):
+    """The frames of a motion in which each segment pair is a contact zone of its own, with a target gap of 0."""
     count, pairs = len(motion), len(skin.balls.pairs)
     limbs = np.stack([motion.positions[:, [*limb.joints]] for limb in skin.limbs], axis=1) / skin.unit
     none = np.zeros((count, pairs))
@@ -29,11 +29,11 @@ def asked(skin, motion, firmness=0.0, free=1.0):
 
 def solved(skin, motion, firmness=0.0, rate=RATE, **anchors):
     """The displacements of limbs, and the gaps of the bent motion."""
-    frames = asked(skin, motion, firmness)._replace(**anchors)
+    frames = frames_of(skin, motion, firmness)._replace(**anchors)
     arms = np.array([limb.is_arm for limb in skin.limbs])
     start, _ = displacements(skin.balls, skin.displaced, *frames[:4])
-    spots, shots = np.arange(len(skin.balls.pairs)), np.zeros(len(motion), np.intp)
-    d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / rate, REACH)
+    zones, shots = np.arange(len(skin.balls.pairs)), np.zeros(len(motion), np.intp)
+    d = bends(skin.balls, skin.displaced, zones, frames, arms, start, shots, 1.0 / rate, REACH)
     return d, segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2)
 
 
@@ -57,7 +57,7 @@ def test_a_hand_is_out_of_the_belly_in_every_frame_and_moves_smoothly():
     assert before.min() * skin.unit < -0.04
     assert gaps.min() > -0.003
     deep = before < -0.01
-    start, _ = displacements(skin.balls, skin.displaced, *asked(skin, motion)[:4])
+    start, _ = displacements(skin.balls, skin.displaced, *frames_of(skin, motion)[:4])
     bend, sudden = (np.linalg.norm(np.diff(each[:, 0, 1], 2, axis=0), axis=1).max() for each in (d, start))
     assert bend < 0.5 * sudden
     assert np.abs(d[np.flatnonzero(deep)[0] - 3]).max() > 1e-3  # it begins before it would sink in
@@ -66,11 +66,11 @@ def test_a_hand_is_out_of_the_belly_in_every_frame_and_moves_smoothly():
 @pytest.mark.parametrize("are_arms", [True, False])
 def test_a_body_may_have_limbs_of_one_kind_alone(are_arms):
     motion, skin = swinging(60)
-    frames = asked(skin, motion)
+    frames = frames_of(skin, motion)
     frames = frames._replace(soft=frames.soft - 0.01)  # all is to keep a distance
-    arms, spots, shots = np.full(len(skin.limbs), are_arms), np.arange(len(skin.balls.pairs)), np.zeros(60, np.intp)
+    arms, zones, shots = np.full(len(skin.limbs), are_arms), np.arange(len(skin.balls.pairs)), np.zeros(60, np.intp)
     start, _ = displacements(skin.balls, skin.displaced, *frames[:4])
-    d = bends(skin.balls, skin.displaced, spots, frames, arms, start, shots, 1.0 / RATE, REACH)
+    d = bends(skin.balls, skin.displaced, zones, frames, arms, start, shots, 1.0 / RATE, REACH)
     assert segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2).min() > -0.003
 
 
@@ -93,7 +93,8 @@ def test_a_place_out_of_reach_opens_no_contact():
     out = normalised(wrist - chest)
     frames, aside = 60, normalised(np.cross(out, [0.0, 0.0, 1.0]))
     fields = no_anchors(frames, len(skin.limbs), 1)
-    fields["off"][:, 0, 0], fields["rays"][:, 0, 0], fields["ties"][:, 0, 0] = 0.1 * out + 0.2 * aside, out, 1.0
+    fields["anchor_offsets"][:, 0, 0], fields["anchor_rays"][:, 0, 0] = 0.1 * out + 0.2 * aside, out
+    fields["anchor_weights"][:, 0, 0] = 1.0
     _, gaps = solved(skin, still[np.zeros(frames, int)], np.ones(frames), **fields)
     assert abs(gaps[30].min()) < 0.08 * 0.02 / skin.unit
 
@@ -120,12 +121,15 @@ def test_what_is_far_away_in_time_does_not_matter():
 
 def tied(frames, draw):
     """Anchors of all limbs, the second of which moves with the other arm."""
-    shape = (*frames.ties.shape[:2], 2)
+    shape = (*frames.anchor_weights.shape[:2], 2)
     rays = normalised(draw.normal(size=(*shape, 3)))
-    carried = np.zeros((*shape, 2))
-    carried[:, :2, 1] = [0.3, 0.7]
+    shares = np.zeros((*shape, 2))
+    shares[:, :2, 1] = [0.3, 0.7]
     return frames._replace(
-        off=draw.normal(scale=0.1, size=rays.shape), rays=rays, ties=draw.uniform(0.5, 1.0, shape), carried=carried
+        anchor_offsets=draw.normal(scale=0.1, size=rays.shape),
+        anchor_rays=rays,
+        anchor_weights=draw.uniform(0.5, 1.0, shape),
+        anchor_shares=shares,
     )
 
 
@@ -137,17 +141,17 @@ def test_slopes_are_those_of_the_energy(depth, firmness, free, anchored):
     """Of a hand that is inside, of one that is drawn to a contact, of one that is held, and of one that is anchored."""
     _, skin = hand_in_belly(depth)
     motion = standing({"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]})
-    frames = Frames(*map(np.ascontiguousarray, asked(skin, motion, firmness, free)))
+    frames = Frames(*map(np.ascontiguousarray, frames_of(skin, motion, firmness, free)))
     count, draw = len(skin.limbs), np.random.default_rng(0)
     frames = tied(frames, draw) if anchored else frames
-    spots, columns = np.arange(len(skin.balls.pairs)), np.append(np.arange(count), -1)
+    zones, columns = np.arange(len(skin.balls.pairs)), np.append(np.arange(count), -1)
     displaced = skin.displaced._replace(limbs=skin.displaced.limbs % (count + 1))
-    room, n = LimbWorkspace.of(skin.balls, spots, count), 6 * count
+    room, n = LimbWorkspace.of(skin.balls, zones, count), 6 * count
 
     def terms(w):
         energy, slope, bands = np.zeros(1), np.zeros((1, n)), np.zeros((1, n, 2 * n + 1))
         frame = w.reshape(1, count, 2, 3)
-        write_terms(skin.balls, displaced, spots, columns, frames, frame, REACH, room, energy, slope, bands)
+        write_terms(skin.balls, displaced, zones, columns, frames, frame, REACH, room, energy, slope, bands)
         return energy[0], slope[0], bands[0]
 
     w, step = draw.normal(scale=0.02, size=n), 1e-6

@@ -16,7 +16,7 @@ from distretarget.io.obj import still_points
 from distretarget.measure.gaps import measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_touches import FARTHEST
-from distretarget.objectives.spots import IS_HARD
+from distretarget.objectives.contact_zones import IS_HARD
 from distretarget.scene import sweeps
 from distretarget.scene.props import PropSurface
 from distretarget.scene.scene_file import load_scene

@@ -13,7 +13,7 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_touches import FARTHEST
-from distretarget.objectives.skin import brought_out
+from distretarget.objectives.skin import limb_displacements
 from distretarget.objectives.supports import BLEND
 from distretarget.scene import skin as scene_skin
 from distretarget.scene.scene_file import load_scene
@@ -85,12 +85,12 @@ def test_hands_lie_on_the_same_place_of_those_whom_they_lift():
 
 
 def test_what_hands_touch_sets_in_over_time(monkeypatch):
-    def solved(balls, displaced, spots, frames, *rest):
+    def solved(balls, displaced, zones, frames, *rest):
         steps.append(np.abs(np.diff(frames.firmness, axis=0)).max() / rest[2])
-        return brought_out(balls, displaced, spots, frames, *rest)
+        return limb_displacements(balls, displaced, zones, frames, *rest)
 
     steps = []
-    monkeypatch.setattr(scene_skin, "brought_out", solved)
+    monkeypatch.setattr(scene_skin, "limb_displacements", solved)
     scene.__wrapped__("high_five")
     assert 0.0 < steps[0] < 1.0 / BLEND  # [1/s]
 

@@ -92,7 +92,8 @@ def posed(bound, motion):
 
 def test_points_lie_on_the_posed_triangles_and_their_normals_lead_out():
     motion, points = sample_run("clap").motion[60:64], surface_of("clap").points
-    places, one, other = (posed(bound, motion) for bound in (points.places, points.one, points.other))
+    bounds = points.places, points.first_edges, points.second_edges
+    places, one, other = (posed(bound, motion) for bound in bounds)
     outwards = np.cross(one, other)
     corners = sample_run("clap").mesh.posed(motion)[:, sample_run("clap").mesh.triangles]
     for point in range(0, places.shape[1], 97):

@@ -15,11 +15,11 @@ from distretarget.numerics.vectors import normalised
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.clip import raised_arms
 from distretarget.objectives.contact_pairs import ContactSearch
+from distretarget.objectives.contact_zones import ContactZones
 from distretarget.objectives.skin import how_touching
-from distretarget.objectives.sliding import BRUSHES, PARTS_OF, SLIDES, stays
-from distretarget.objectives.spots import Spots
+from distretarget.objectives.sliding import BRUSHES, PARTS_OF, SLIDES, stillness
 from distretarget.pipeline.performer import Transfer, match_performer
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import GROUP, SEGMENTS
 
 GAP = BY_KEY["skin_gap"]
 
@@ -117,7 +117,7 @@ def skin():
     return match_performer(Transfer(still, sample_target("hero"))).skins.source
 
 
-SPOTS = Spots.of(np.array([SEGMENTS.index("left hand")]), np.array([PLACE[SEGMENTS.index("belly")]]))
+ZONES = ContactZones.of(np.array([SEGMENTS.index("left hand")]), np.array([GROUP[SEGMENTS.index("belly")]]))
 
 
 def stay(skin, motion, cut=None):
@@ -125,8 +125,8 @@ def stay(skin, motion, cut=None):
     shots = np.zeros(len(motion), int)
     if cut is not None:
         shots[cut:] = 1
-    near = how_touching(SPOTS, np.zeros((len(motion), 1)))
-    return stays(skin, motion, skin.posed(motion), SPOTS, near, shots)[:, 0]
+    near = how_touching(ZONES, np.zeros((len(motion), 1)))
+    return stillness(skin, motion, skin.posed(motion), ZONES, near, shots)[:, 0]
 
 
 def test_what_turns_with_the_body_stays(skin):

@@ -1,8 +1,8 @@
 """The Gauss-Newton curvature of springs with respect to a pose.
 
-The curvature H is the metric of the spectral gradient method: a preconditioner in which the energy is nearly round, so
-that few iterations suffice. H = M G M^T, with G, the stiffness between subtrees (`springs.write_stiffness_below`), and
-M, which turns the force on the subtree of a bone into a torque on the part that carries the bone. Compiled.
+The curvature H is the metric of the spectral gradient method, a preconditioner with which few iterations suffice.
+H = M G M^T, with the stiffness G between subtrees (`springs.write_stiffness_below`), and M, which maps the force on the
+subtree of a bone to a torque on the part that carries the bone. Compiled.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def _eliminate(H: Array, i: int, above: int, size: int) -> None:
 
 @inlined(fastmath=True)
 def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: Array) -> None:
-    """Write d = H^-1 gradient of the active parts, 0 of others; U is what `factorise` made of H, `flat` scratch."""
+    """Write d = H^-1 gradient for active parts, 0 for others; U is the factor of H by `factorise`, `flat` scratch."""
     size = 3 * len(active)
     for n in range(len(active)):
         for k in range(3):
@@ -87,20 +87,20 @@ def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: A
         d[part, 0], d[part, 1], d[part, 2] = x, y, z
 
 
-LEAST_CURVATURE = 0.01  # of any direction, in the metric alone: so no step turns a part right round
+LEAST_CURVATURE = 0.01  # of any direction, in the metric only, so that no step turns a part by a full turn
 
 
 class Curvature(NamedTuple):
     """Work arrays for the curvature, each long enough for all parts of a body."""
 
     H: F2  # (3 parts + 3, 3 parts + 3), the curvature of the active parts
-    active: I1  # (parts + 1,), their numbers
-    place: I1  # (parts + 1,), where each part is in `active`; -1 if it is not active
-    rows: I1  # (joints,), the same for the part that carries each bone of `below.way`
-    M: F3  # (joints, 3, 3), the moment matrix of each bone of `below.way`, transposed
-    bones: I1  # (joints,), the way that H is for, then -1
-    below: Below  # what is below bones
-    flat: F1  # (3 parts + 3,), scratch for what is solved
+    active: I1  # (parts + 1,), the indices of the active parts
+    place: I1  # (parts + 1,), the position of each part in `active`; -1 if it is not active
+    rows: I1  # (joints,), the position in `active` of the part that carries each bone of `below.moving_bones`
+    M: F3  # (joints, 3, 3), the moment matrix of each bone of `below.moving_bones`, transposed
+    bones: I1  # (joints,), the moving bones for which H was computed, then -1
+    below: Below  # sums over subtrees
+    flat: F1  # (3 parts + 3,), scratch for the linear system
 
     @classmethod
     def of(cls, body: Articulation) -> Curvature:
@@ -112,10 +112,10 @@ class Curvature(NamedTuple):
 
 
 @inlined(fastmath=True)
-def are_first(bones: Numbers, way: Numbers, count: int) -> bool:
-    """Whether `bones` consists of the first `count` bones of `way`, followed by -1."""
+def are_first(bones: Numbers, moving: Numbers, count: int) -> bool:
+    """Whether `bones` consists of the first `count` bones of `moving`, followed by -1."""
     for i in range(count):
-        if bones[i] != way[i]:
+        if bones[i] != moving[i]:
             return False
     return count == len(bones) or bones[count] < 0
 
@@ -125,20 +125,20 @@ def write_curvature(
     bones: int, v: Array, body: Articulation, scratch: Scratch, springs: FrameSprings, count: int, curvature: Curvature
 ) -> int:
     """Write the active parts at the pose `v` and the upper triangle of their curvature, (3 active, 3 active), and
-    return their number. The first `count` springs depend on the first `bones` bones of `below.way`; `scratch` has the
-    posed bones.
+    return their number. The first `count` springs depend on the first `bones` bones of `below.moving_bones`; `scratch`
+    has the posed bones.
 
     A part is active if a spring acts on it; the last active part stands for the root's position. All others keep the
     rotation copy's rotation and are no unknowns. Parts farthest from the root come first, which keeps the Cholesky
     factor sparse.
     """
-    H, below, way = curvature.H, curvature.below, curvature.below.way
+    H, below, moving = curvature.H, curvature.below, curvature.below.moving_bones
     for i in range(len(curvature.bones)):
-        curvature.bones[i] = way[i] if i < bones else -1
+        curvature.bones[i] = moving[i] if i < bones else -1
     nodes = write_nodes(bones, body.parents, below)
     write_stiffness_below(springs, count, nodes, body.parents, below)
-    _write_moment_matrices(bones, way, v, body, scratch, curvature.M)
-    parts = _write_active(bones, way, body, scratch.bones, curvature)
+    _write_moment_matrices(bones, moving, v, body, scratch, curvature.M)
+    parts = _write_active(bones, moving, body, scratch.bones, curvature)
     for part in range(parts):
         stiffness = body.stiffness[curvature.active[part]]
         for r in range(3 * part, 3 * part + 3):
@@ -153,15 +153,15 @@ def write_curvature(
 
 
 @inlined(fastmath=True)
-def _write_active(count: int, way: Numbers, body: Articulation, bones: Array, curvature: Curvature) -> int:
-    """Write the active parts: those that carry one of the first `count` bones of `way`, in descending order, and the
-    root's position if the root is among them. Write their places and the rows of bones too, and return their number.
+def _write_active(count: int, moving: Numbers, body: Articulation, bones: Array, curvature: Curvature) -> int:
+    """Write the active parts: those that carry one of the first `count` bones of `moving`, in descending order, and the
+    root's position if the root is among them. Write `place` and `rows` too, and return the number of active parts.
     """
     active, place, rows = curvature.active, curvature.place, curvature.rows
     for part in range(len(place)):
         place[part] = -1
     for i in range(count):
-        joint = way[i]
+        joint = moving[i]
         rows[i] = body.parts[body.parents[joint]] if joint > 0 else len(place) - 1
         if joint == 0 or bones[joint, 0] != 0.0 or bones[joint, 1] != 0.0 or bones[joint, 2] != 0.0:
             place[rows[i]] = 0
@@ -177,13 +177,13 @@ def _write_active(count: int, way: Numbers, body: Articulation, bones: Array, cu
 
 
 @inlined(fastmath=True)
-def _write_moment_matrices(bones: int, way: Numbers, v: Array, body: Articulation, scratch: Scratch, M: Array) -> None:
-    """Write M, (joints, 3, 3), for the first `bones` bones of `way`. Row k is the torque J^T (bone x force) that the
+def _write_moment_matrices(n: int, moving: Numbers, v: Array, body: Articulation, scratch: Scratch, M: Array) -> None:
+    """Write M, (joints, 3, 3), for the first n bones of `moving`. Row k is the torque J^T (bone x force) that the
     k-th unit force on the subtree of a bone exerts on the rotation vector of the bone's part, with the left Jacobian J
-    of the exponential map, as in `articulation.pose_gradient`; the identity for the root's position.
+    of the exponential map, as in `articulation.pose_gradient`; for the root's position M is the identity.
     """
-    for i in range(bones):
-        joint, moments = way[i], M[i]
+    for i in range(n):
+        joint, moments = moving[i], M[i]
         if joint == 0:
             for j in range(3):
                 for k in range(3):

@@ -16,7 +16,7 @@ from distretarget.numerics.vectors import F1, F2, I1
 
 
 class FrameFloor(NamedTuple):
-    """The heights that joints stay above in one frame."""
+    """The heights that joints keep above in one frame."""
 
     joints: I1  # (joints,), joints of the target
     heights: F1  # (joints,), h [body units]
@@ -25,7 +25,7 @@ class FrameFloor(NamedTuple):
 
 
 class FloorSprings(NamedTuple):
-    """The heights that joints stay above in some frames."""
+    """The heights that joints keep above in some frames."""
 
     joints: I1  # (joints,), joints of the target
     heights: F2  # (frames, joints), h [body units]

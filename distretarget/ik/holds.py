@@ -1,10 +1,10 @@
-"""The stiffness that holds resting joints in place. Compiled.
+"""The stiffness of the springs that hold resting joints in place. Compiled.
 
     A = (m (1 - s) / s M + n I / k)^-1
 
 A joint of weight s moves the share s of the way from the rotation copy to its place, for any stiffness k, because M is
 the compliance of the body at the joint. The m joints of a region that rest at the same time, such as a hand's fingers,
-share the stiffness: n = max(m / 2, 1), and each gets 1/n of one joint's. (For feet, m is replaced by n.)
+share the stiffness: with n = max(m / 2, 1), each has 1/n of that of a single joint. (For feet, m is replaced by n.)
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F2, F3, F4, I1, Array, Numbers, clear
 
 LEAST_WEIGHT = 1e-6  # a joint of less weight is free
-FIRM = 2  # up to this many joints of a region get the full stiffness; more share it
+UNSHARED = 2  # up to this many joints of a region have the full stiffness each; more of them share it
 
 
 @compiled()
@@ -40,7 +40,7 @@ def write_holds(
             if s <= LEAST_WEIGHT:
                 continue
             resting = _resting_in_region(weights[frame], regions, support)
-            n = resting / FIRM if resting > FIRM else 1.0
+            n = resting / UNSHARED if resting > UNSHARED else 1.0
             m = n if support < feet else resting
             if s < 1.0:
                 write_compliance(body, bones[frame], joints[support], arms, M)

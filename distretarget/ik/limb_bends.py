@@ -1,13 +1,13 @@
-"""How limbs bend so that skins stay apart, and stay in touch where they touch: one solve over all frames of a clip.
+"""Bends limbs so that skins stay apart, or in contact where they touch: one solve over all frames of a clip.
 
 The unknowns are the rotation vectors w of the upper and the lower part of each limb in each frame [rad], which displace
 its middle and end, such as elbow and wrist. They minimise the terms of each frame (`limb_terms`) and
 
     1/2 sum over frames and parts of h (|w|^2 + 2 tau^2 |w'|^2 + tau^4 |w''|^2)
 
-with the derivatives w' and w'' by time, and h, the square of the part's length [body units], times `UPPER` for upper
-parts. A limb that has to leave its way for a moment begins to do so, and is back, in about three times tau. Where limbs
-still move, Gauss-Newton steps with a banded Cholesky factor go on.
+with the time derivatives w' and w'', and the stiffness h, the square of the part's length [body units], times `UPPER`
+for upper parts. A limb that has to leave its path for a moment takes about three times tau to leave it, and as long to
+return. Gauss-Newton steps with a banded Cholesky factor continue around frames in which limbs still move.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from distretarget.skin.balls import Balls
 from distretarget.skin.tangents import Displaced
 
 TAU = 0.12  # [s]
-LONGEST = 60.0  # tau is no longer, or its fourth power drowns the terms: above 500 frames a second [frames]
+LONGEST = 60.0  # the largest tau, as its fourth power drowns the terms above 500 frames a second [frames]
 UPPER = 6.0  # upper arms and thighs are this much stiffer: elbows bend before shoulders turn
-FADES = 10.0  # what is farther away in time than so many tau has no effect
-NEAR = 2.0  # where a limb moved in a step, so many tau around it take the next
+FADES = 10.0  # the time after which a displacement has no effect any more [tau]
+NEAR = 2.0  # the next step is taken within this time of frames in which a limb moved [tau]
 STEPS = 16  # at most
-SETTLED = 2e-3  # a limb whose parts turn by less in a step does not move [rad]
-FARTHEST = 0.5  # no part turns by more in a step [rad]
+SETTLED = 2e-3  # limbs whose parts turn by less than this in a step have converged [rad]
+FARTHEST = 0.5  # the largest component of a step [rad]
 ROUNDED = 1e-9  # smaller displacements are rounding errors [body units]
-TRIES = 12  # of a step that leads up ...
-DAMPING = 8.0  # ... each stiffer by this factor in the frames that do
+TRIES = 12  # of a step that raises the energy ...
+DAMPING = 8.0  # ... each with the damping multiplied by this in the frames that raise it
 STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
 
 
 def bends(
     balls: Balls,
     displaced: Displaced,
-    spots: Numbers,
+    zones: Numbers,
     frames: Frames,
     are_arms: Flags,
     start: Array,
@@ -58,30 +58,30 @@ def bends(
 
     Args:
         balls: of the body, with its capsules.
-        displaced: what moves with the displaced joints.
-        spots: (pairs,), the spot that each pair of segments touches at, a column of `frames.aims`.
-        frames: what is asked.
-        are_arms: (limbs,); arms give way to legs, but legs not to arms.
-        start: (frames, limbs, 2, 3), displacements that bring each limb out on the side on which it is to be.
-        shots: (frames,); nothing is smooth across cuts.
+        displaced: how capsules move with the displaced joints.
+        zones: (pairs,), the contact zone of each segment pair, a column of `frames.target_gaps`.
+        frames: the body in each frame, and the targets of its limbs.
+        are_arms: (limbs,); legs are solved first, and arms with legs where they are then.
+        start: (frames, limbs, 2, 3), displacements that bring each limb out of the body on its final side.
+        shots: (frames,); limbs may jump at cuts.
         frame_time: between frames [s].
-        reach: balls and capsules that are farther apart than this do not touch [body units].
-        steps: how many are taken at most.
+        reach: the largest gap at which contacts other than the user's pull [body units].
+        steps: at most so many are taken.
     """
     count, tau = len(are_arms), min(TAU / frame_time, LONGEST)
-    displaced = displaced._replace(limbs=displaced.limbs % (count + 1))  # the last is that of what no limb carries
+    displaced = displaced._replace(limbs=displaced.limbs % (count + 1))  # the last stands for all that no limb carries
     frames = Frames(*map(np.ascontiguousarray, frames))
-    room, w = LimbWorkspace.of(balls, spots, count), _rotation_vectors(frames.limbs, start)
+    room, w = LimbWorkspace.of(balls, zones, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
-    of_pair = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]  # the limb of each pair that gives way
+    of_pair = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]  # the limb of each pair's balls
     for arms in np.unique(are_arms):  # legs first
         own = np.flatnonzero(are_arms == arms)
-        limbs = _Limbs(own, balls, displaced, spots, frames, w, reach, room)
-        brought = frames.firmness.any(axis=1) | frames.ties.any(axis=(1, 2))
+        limbs = _Limbs(own, balls, displaced, zones, frames, w, reach, room)
+        pulled = frames.firmness.any(axis=1) | frames.anchor_weights.any(axis=(1, 2))
         pushed = (frames.soft[:, np.isin(of_pair, own)] < 0.0).any(axis=1)
-        acts = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & brought) | pushed)
+        active = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & pulled) | pushed)
         for shot in slices_of(shots):
-            for span in _around(acts[shot], FADES * tau):
+            for span in _around(active[shot], FADES * tau):
                 first, end = shot.start + span.start, shot.start + span.stop
                 x, h = w[first:end, own].reshape(end - first, -1), np.repeat(stiffness[own].ravel(), 3)
                 _Path(x, h, tau, partial(limbs.write, first)).settle(steps)
@@ -93,12 +93,12 @@ def bends(
 
 @dataclass(frozen=True, eq=False)
 class _Limbs:
-    """Some limbs of a body in a clip, the others of which stay where they are."""
+    """Some limbs of a body in a clip, which are solved while the others do not move."""
 
-    own: Numbers  # which these are
+    own: Numbers  # the indices of these limbs
     balls: Balls
     displaced: Displaced
-    spots: Numbers
+    zones: Numbers
     frames: Frames
     w: Array  # (frames, limbs, 2, 3), the rotation vectors of all limbs
     reach: float
@@ -106,7 +106,7 @@ class _Limbs:
 
     @cached_property
     def columns(self) -> Numbers:
-        """(limbs + 1,), which six unknowns those of a limb are; -1 for limbs that stay."""
+        """(limbs + 1,), the index of a limb among those that are solved, each with six unknowns; -1 for others."""
         columns = np.full(self.w.shape[1] + 1, -1)
         columns[self.own] = np.arange(len(self.own))
         return columns
@@ -117,12 +117,12 @@ class _Limbs:
         self.w[on, self.own] = x.reshape(len(x), len(self.own), 2, 3)
         frames = Frames(*(each[on] for each in self.frames))
         write_terms(
-            self.balls, self.displaced, self.spots, self.columns, frames, self.w[on], self.reach, self.room, *terms
+            self.balls, self.displaced, self.zones, self.columns, frames, self.w[on], self.reach, self.room, *terms
         )
 
 
 def _around(flags: Flags, frames: float) -> list[slice]:
-    """The spans of frames that are at most so many frames from those with a flag."""
+    """The spans of frames that are at most so many `frames` from one with a flag."""
     near = largest(flags[:, None].astype(float), round(frames))[:, 0] > 0.0
     return [slice(*span) for span in spans_of(near).tolist()]
 
@@ -135,10 +135,11 @@ def _rotation_vectors(limbs: Array, d: Array) -> Array:
 
 
 class _Path:
-    """A path x, (frames, n), with the energy of the terms of its frames, and 1/2 x^T M x of its smoothness.
+    """A path x, (frames, n), whose energy is that of the terms of its frames, plus 1/2 h x^T M x.
 
-    M = sum over derivatives of tau^2k D_k^T D_k, times the stiffness h, (n,), has five bands, here those from the
-    diagonal down, (frames, 3). `write(span, x, energy, slope, bands)` writes the terms of some frames.
+    M = D_0^T D_0 + 2 tau^2 D_1^T D_1 + tau^4 D_2^T D_2, with the k-th differences D_k in time, has five bands, here
+    those from the diagonal down, (frames, 3); h, (n,), is the stiffness. `write(span, x, energy, slope, bands)` writes
+    the terms of some frames.
     """
 
     def __init__(self, x: Array, h: Array, tau: float, write: Callable[..., None]) -> None:
@@ -153,7 +154,7 @@ class _Path:
         self.terms = np.zeros(count), np.zeros((count, n)), np.zeros((count, n, 2 * n + 1))
 
     def settle(self, steps: int) -> None:
-        """Take steps until no limb moves, at most so many."""
+        """Take steps until no limb moves any more, at most so many."""
         self._evaluate(slice(0, len(self.x)), self.x)
         moves, near = np.ones(len(self.x), bool), 0.0
         for _ in range(steps):
@@ -163,7 +164,7 @@ class _Path:
                 moves[span] = np.abs(self._step(span)).max(axis=1) > SETTLED
 
     def _step(self, span: slice) -> Array:
-        """Take a step in some frames that leads down, damped where it led up before; return it, (frames, n)."""
+        """Take a step in some frames, damped until it does not raise the energy; return it, (frames, n)."""
         around = slice(max(span.start - 2, 0), span.stop + 2)
         inner = slice(span.start - around.start, span.stop - around.start)
         smooth = self.h * _product(self.M[around], self.x[around])[inner]
@@ -188,14 +189,14 @@ class _Path:
         return np.zeros_like(now)
 
     def _evaluate(self, span: slice, x: Array) -> float:
-        """Take some frames of the path, and return the energy of their terms."""
+        """Set some frames of the path to x, and return the energy of their terms."""
         self.x[span] = x
         self.write(span, x, *(each[span] for each in self.terms))
         return float(self.terms[0][span].sum())
 
 
 def _product(M: Array, x: Array) -> Array:
-    """(frames, n), M x, of a symmetric M by its diagonal and what is below, (frames, 3)."""
+    """(frames, n), M x for a symmetric M, given by its diagonal and the two bands below, (frames, 3)."""
     product = M[:, :1] * x
     for k in (1, 2):
         product[:-k] += M[:-k, k, None] * x[k:]

@@ -1,4 +1,4 @@
-"""What limbs have to keep in each frame while their parts are turned: gaps of skin, contacts, and ends that rest.
+"""The terms of limbs in each frame, as their parts turn: gaps between skins, contacts, anchors, and joints at rest.
 
 A term is a function of a residual r, such as a gap, that changes by n . x as a point of a limb moves by x. The point
 moves by shares of the displacements of the limb's middle and end, and these by the rotation vectors w of its upper and
@@ -16,40 +16,40 @@ import numpy as np
 from distretarget.ik.articulation import to_rotation_vector, write_rotation
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, F3, F4, I1, I2, Array, Numbers, clear
-from distretarget.skin.balls import NEVER, Balls, Placed, find_meetings, gap_of, room_for
+from distretarget.skin.balls import NEVER, Balls, Placed, find_candidates, gap_of, room_for
 from distretarget.skin.capsules import may_touch
 from distretarget.skin.tangents import Displaced, place_displaced
 
-# Stiffness is relative to that of displacements: a term of 99 leaves a hundredth of what it asks for. Where limbs are
-# asked for something that changes in time, they follow within about tau / stiffness^(1/4) (`limb_bends`).
-FIRM = 5000.0  # of gaps that are too small
+# Stiffnesses are relative to that of displacements: with a stiffness of 99 a hundredth of the residual is left. Limbs
+# follow targets that change in time within about tau / stiffness^(1/4) (`limb_bends`).
+APART = 5000.0  # of gaps that are too small
 TOUCH = 600.0  # of contacts
-TIE = 75.0  # of anchors: place gives way to the gap where a body cannot have both
-ASKED = 1500.0  # of anchors without a ray, which a user asks for
-GIVES = 0.01  # skin is softer up to this depth, from nothing, so that limbs come upon it smoothly [body units]
-WITHIN = 0.01  # contacts that are farther off than this pull no more, and no limb into others [body units]
-FAR = 1.0  # contacts of a firmness beyond 1, which a user asks for, are found this far apart [body units]
-NEAR = 0.01  # what is less than this farther than the nearest shares a contact: its place does not jump [body units]
-HELD = 0.01  # the share of its displacement that is left to the end of a limb that rests
+ANCHOR = 75.0  # of anchors on a ray: where a body cannot have both, the gap counts more than the place
+USER_ANCHOR = 1500.0  # of anchors without a ray, which are the user's
+SOFT = 0.01  # from the surface to this depth the stiffness of gaps grows from 0 to `APART` [body units]
+BOUND = 0.01  # from about this residual on, contacts and anchors pull with a constant force [body units]
+USER_REACH = 1.0  # contacts of a firmness above 1, which are the user's, pull up to this gap [body units]
+SHARED = 0.01  # pairs whose gap exceeds the least by less share a contact, which then moves smoothly [body units]
+HELD = 0.01  # the least free share of a joint that rests
 
 
 class Frames(NamedTuple):
-    """Some frames of a body, and what is asked of its limbs there. Lengths are in body units."""
+    """Some frames of a body, and the targets of its limbs. Lengths are in body units."""
 
     posed: F4  # (frames, capsules, 2, 3), the ends of the capsules
     limbs: F4  # (frames, limbs, 3, 3), the top, the middle and the end of each limb
     free: F3  # (frames, limbs, 2), how far middle and end can move, 0 to 1
-    soft: F2  # (frames, pairs), how far segments may overlap, because flesh gives way
-    aims: F2  # (frames, spots), the gap that limbs are brought to where they touch
-    firmness: F2  # (frames, spots), how firmly they are brought there: 0 to 1, or more where a user asks for it
-    off: F4  # (frames, limbs, anchors, 3), how far what touches is off the start of the ray that it belongs on
-    rays: F4  # (frames, limbs, anchors, 3), the directions of these; 0 where it belongs on their start
-    ties: F3  # (frames, limbs, anchors), how far it is brought onto them, 0 to 1
-    carried: F4  # (frames, limbs, anchors, 2), the shares of the other arm's displacements that the rays move by
+    soft: F2  # (frames, pairs), how far segments may overlap
+    target_gaps: F2  # (frames, zones), the gap of the contact of each zone
+    firmness: F2  # (frames, zones), of these contacts, 0 to 1, above 1 for the user's; stiffness grows with its square
+    anchor_offsets: F4  # (frames, limbs, anchors, 3), of the limb's point of contact from the start of the ray
+    anchor_rays: F4  # (frames, limbs, anchors, 3), directions of the rays; 0 for an anchor at the start itself
+    anchor_weights: F3  # (frames, limbs, anchors), 0 to 1
+    anchor_shares: F4  # (frames, limbs, anchors, 2), of the other arm's displacements, by which the ray moves
 
 
 class LimbWorkspace(NamedTuple):
-    """Scratch for one frame; the last limb is that of what no limb carries."""
+    """Scratch for one frame; the last limb stands for all that no limb carries."""
 
     placed: Placed
     ends: F3  # (capsules, 2, 3)
@@ -58,19 +58,19 @@ class LimbWorkspace(NamedTuple):
     series: F3  # (limbs + 1, 2, 2), see `articulation.Scratch`
     rotation: F1  # (9,)
     rows: F2  # (4, 3), dr/dw of the parts of two limbs
-    touching: I2  # (meetings, 3), the ball, the capsule and the pair of what may touch
-    gaps: F1  # (meetings,), by how much their gaps are less than `FAR`, negative
-    nearest: F1  # (spots,), the least of these
-    nearest_before: I2  # (spots, 2), the ball and the capsule that were nearest in another frame; -1 at first
-    shares: F1  # (spots,), the sum of their shares
+    touching: I2  # (candidates, 3), ball, capsule and segment pair of possible contacts
+    gaps: F1  # (candidates,), their gaps less `USER_REACH`, negative
+    nearest: F1  # (zones,), the least of these
+    nearest_before: I2  # (zones, 2), ball and capsule that were nearest in the frame evaluated before; -1 at first
+    shares: F1  # (zones,), the sum of the shares of all that share a contact
 
     @classmethod
-    def of(cls, balls: Balls, spots: Numbers, limbs: int) -> LimbWorkspace:
+    def of(cls, balls: Balls, zones: Numbers, limbs: int) -> LimbWorkspace:
         """Room for a body with so many limbs."""
-        meetings, count = int((balls.spare < NEVER).sum()), int(spots.max(initial=-1)) + 1
+        candidates, count = int((balls.gap_offsets < NEVER).sum()), int(zones.max(initial=-1)) + 1
         d, bones, series = (np.zeros((limbs + 1, 2, width)) for width in (3, 3, 2))
-        ends, touching = np.zeros((len(balls.joints), 2, 3)), np.zeros((meetings, 3), np.intp)
-        scratch = d, bones, series, np.zeros(9), np.zeros((4, 3)), touching, np.zeros(meetings), np.zeros(count)
+        ends, touching = np.zeros((len(balls.joints), 2, 3)), np.zeros((candidates, 3), np.intp)
+        scratch = d, bones, series, np.zeros(9), np.zeros((4, 3)), touching, np.zeros(candidates), np.zeros(count)
         return cls(room_for(balls), ends, *scratch, np.full((count, 2), -1), np.zeros(count))
 
 
@@ -78,7 +78,7 @@ class LimbWorkspace(NamedTuple):
 def write_terms(
     balls: Balls,
     displaced: Displaced,
-    spots: I1,
+    zones: I1,
     columns: I1,
     frames: Frames,
     w: F4,
@@ -89,19 +89,19 @@ def write_terms(
     bands: Out[F3],
 ) -> None:
     """Write the energy of the terms of each frame at w, (frames, limbs, 2, 3), its slope, (frames, n), and the columns
-    of its curvature from the diagonal down, (frames, n, bands). `columns`, (limbs + 1,), say which six unknowns the
-    parts of a limb are; a negative number is that of a limb that stays.
+    of its curvature from the diagonal down, (frames, n, bands). Column k of `columns`, (limbs + 1,), means that the
+    unknowns of a limb are the six from 6 k on; it is negative for limbs that do not move.
     """
     for t in range(len(w)):
         clear(slope[t])
         clear(bands[t])
         _pose(w[t], frames.limbs[t], room)
         place_displaced(balls, displaced, frames.posed[t], room.d, room.ends, room.placed)
-        asked = frames.soft[t], frames.aims[t], frames.firmness[t]
-        sums = slope[t], bands[t]
-        found, e = _add_gaps(balls, displaced, spots, columns, asked, w[t], reach, room, sums)
-        e += _add_contacts(balls, displaced, spots, columns, asked, w[t], found, reach, room, sums)
-        e += _add_anchors((frames.off[t], frames.rays[t], frames.ties[t], frames.carried[t]), columns, w[t], room, sums)
+        gaps, sums = (frames.soft[t], frames.target_gaps[t], frames.firmness[t]), (slope[t], bands[t])
+        found, e = _add_gaps(balls, displaced, zones, columns, gaps, w[t], reach, room, sums)
+        e += _add_contacts(balls, displaced, zones, columns, gaps, w[t], found, reach, room, sums)
+        anchors = frames.anchor_offsets[t], frames.anchor_rays[t], frames.anchor_weights[t], frames.anchor_shares[t]
+        e += _add_anchors(anchors, columns, w[t], room, sums)
         energy[t] = e + _add_holds(frames.free[t], columns, w[t], room, sums)
 
 
@@ -131,96 +131,96 @@ def _pose(w: Array, limbs: Array, room: LimbWorkspace) -> None:
 
 
 @inlined(fastmath=True)
-def _add_gaps(balls, displaced, spots, columns, asked, w, reach, room, sums):  # type: ignore[no-untyped-def]
-    """Add the terms of gaps that are too small, and note what may touch; return how much that is, and the energy."""
-    soft, _, firmness = asked
+def _add_gaps(balls, displaced, zones, columns, gaps, w, reach, room, sums):  # type: ignore[no-untyped-def]
+    """Add the terms of too small gaps, and write possible contacts to `room`; return their number, and the energy."""
+    soft, _, firmness = gaps
     energy, placed, found = 0.0, room.placed, 0
     clear(room.shares)
-    for spot in range(len(room.nearest)):
-        ball, capsule = room.nearest_before[spot]
-        room.nearest[spot] = min(gap_of(balls, ball, capsule, placed)[0] - FAR, 0.0) if ball >= 0 else 0.0
+    for zone in range(len(room.nearest)):
+        ball, capsule = room.nearest_before[zone]
+        room.nearest[zone] = min(gap_of(balls, ball, capsule, placed)[0] - USER_REACH, 0.0) if ball >= 0 else 0.0
     for pair in range(len(balls.pairs)):
-        spot, both, least = spots[pair], displaced.mutual[pair], -soft[pair]
+        zone, both, least = zones[pair], displaced.mutual[pair], -soft[pair]
         if columns[displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[pair, 0]]]]] < 0:
             continue
-        far = -NEVER if firmness[spot] == 0.0 else min(_reach(reach, firmness[spot]), _limit(spot, room))
-        for meeting in range(find_meetings(balls, pair, max(least, far), placed)):
-            ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
-            far = min(far, _limit(spot, room))
+        far = -NEVER if firmness[zone] == 0.0 else min(_reach(reach, firmness[zone]), _limit(zone, room))
+        for n in range(find_candidates(balls, pair, max(least, far), placed)):
+            ball, capsule = placed.candidates[n, 0], placed.candidates[n, 1]
+            far = min(far, _limit(zone, room))
             if not may_touch(placed.centres[ball], placed.axes[capsule], balls.cap_radii[capsule], max(least, far)):
                 continue
             gap = gap_of(balls, ball, capsule, placed)[0]
             if gap < least:
-                e, f, k = _firmly(least - gap)
+                e, f, k = _penalty(least - gap)
                 energy += e
                 _add_gap(balls, displaced, ball, capsule, both, columns, -f, k, w, room, sums)
             if gap < far:
                 room.touching[found, 0], room.touching[found, 1], room.touching[found, 2] = ball, capsule, pair
-                room.gaps[found], found = gap - FAR, found + 1
-                if gap - FAR < room.nearest[spot]:
-                    room.nearest[spot] = gap - FAR
-                    room.nearest_before[spot, 0], room.nearest_before[spot, 1] = ball, capsule
+                room.gaps[found], found = gap - USER_REACH, found + 1
+                if gap - USER_REACH < room.nearest[zone]:
+                    room.nearest[zone] = gap - USER_REACH
+                    room.nearest_before[zone, 0], room.nearest_before[zone, 1] = ball, capsule
     return found, energy
 
 
 @inlined(fastmath=True)
 def _reach(reach, firmness):  # type: ignore[no-untyped-def]
-    """Up to which gap a contact pulls."""
-    return reach if firmness <= 1.0 else FAR
+    """The largest gap at which a contact pulls."""
+    return reach if firmness <= 1.0 else USER_REACH
 
 
 @inlined(fastmath=True)
-def _limit(spot, room):  # type: ignore[no-untyped-def]
-    """The gap from which on nothing shares the contact of a spot, by the nearest that was found so far."""
-    return room.nearest[spot] + FAR + NEAR
+def _limit(zone, room):  # type: ignore[no-untyped-def]
+    """The gap from which on a pair has no share in the contact of a zone, by the least gap found so far."""
+    return room.nearest[zone] + USER_REACH + SHARED
 
 
 @inlined(fastmath=True)
-def _add_contacts(balls, displaced, spots, columns, asked, w, found, reach, room, sums):  # type: ignore[no-untyped-def]
-    """Add the terms of contacts: at each spot, of the least gap, which all that are about as near share. The energy of
-    one is 0 where it begins to pull.
+def _add_contacts(balls, displaced, zones, columns, gaps, w, found, reach, room, sums):  # type: ignore[no-untyped-def]
+    """Add the terms of contacts: one for each zone, of its least gap, shared by all pairs that are about as near. Its
+    energy is 0 at the largest gap at which it pulls.
     """
-    _, aims, firmness = asked
+    _, target_gaps, firmness = gaps
     energy = 0.0
     for n in range(found):
-        spot = spots[room.touching[n, 2]]
-        room.shares[spot] += _nearness(room.gaps[n] - room.nearest[spot])
+        zone = zones[room.touching[n, 2]]
+        room.shares[zone] += _nearness(room.gaps[n] - room.nearest[zone])
     for n in range(found):
         ball, capsule, pair = room.touching[n, 0], room.touching[n, 1], room.touching[n, 2]
-        spot, both = spots[pair], displaced.mutual[pair]
-        share = _nearness(room.gaps[n] - room.nearest[spot]) / room.shares[spot]
+        zone, both = zones[pair], displaced.mutual[pair]
+        share = _nearness(room.gaps[n] - room.nearest[zone]) / room.shares[zone]
         if share > 0.0:
-            r = room.nearest[spot] + FAR - aims[spot]
-            farthest = _reach(reach, firmness[spot]) - aims[spot]
-            k, far = TOUCH * firmness[spot] * firmness[spot] * share, np.sqrt(1.0 + r * r / (WITHIN * WITHIN))
-            energy += k * WITHIN * (WITHIN * far - np.sqrt(WITHIN * WITHIN + farthest * farthest))
+            r = room.nearest[zone] + USER_REACH - target_gaps[zone]
+            farthest = _reach(reach, firmness[zone]) - target_gaps[zone]
+            k, far = TOUCH * firmness[zone] * firmness[zone] * share, np.sqrt(1.0 + r * r / (BOUND * BOUND))
+            energy += k * BOUND * (BOUND * far - np.sqrt(BOUND * BOUND + farthest * farthest))
             _add_gap(balls, displaced, ball, capsule, both, columns, k * r / far, k / far, w, room, sums)
     return energy
 
 
 @inlined(fastmath=True)
 def _add_anchors(anchors, columns, w, room, sums):  # type: ignore[no-untyped-def]
-    """Add the terms of anchors, of how far the ends of limbs are off the points of their rays that are as far out as
-    they are, and return their energy.
+    """Add the terms of anchors, and return their energy. The residual is the offset of the point of contact from the
+    point on the ray at the same distance from the ray's start.
     """
-    off, rays, ties, carried = anchors
+    offsets, rays, weights, shares = anchors
     energy = 0.0
-    for limb in range(len(ties)):
-        for n in range(len(ties[limb]) if columns[limb] >= 0 else 0):
-            ray, d, firmness = rays[limb, n], room.d[limb, 1], ties[limb, n] * ties[limb, n]
+    for limb in range(len(weights)):
+        for n in range(len(weights[limb]) if columns[limb] >= 0 else 0):
+            ray, d, firmness = rays[limb, n], room.d[limb, 1], weights[limb, n] * weights[limb, n]
             if firmness <= 0.0:
                 continue
-            stiffness = firmness * (TIE if ray[0] != 0.0 or ray[1] != 0.0 or ray[2] != 0.0 else ASKED)
-            by, of_middle, of_end = off[limb, n], carried[limb, n, 0], carried[limb, n, 1]
+            stiffness = firmness * (ANCHOR if ray[0] != 0.0 or ray[1] != 0.0 or ray[2] != 0.0 else USER_ANCHOR)
+            by, of_middle, of_end = offsets[limb, n], shares[limb, n, 0], shares[limb, n, 1]
             other = 1 - limb if of_middle + of_end > 0.0 else len(w)  # arms come first
             middle, end = room.d[other]
             x = by[0] + d[0] - of_middle * middle[0] - of_end * end[0]
             y = by[1] + d[1] - of_middle * middle[1] - of_end * end[1]
             z = by[2] + d[2] - of_middle * middle[2] - of_end * end[2]
-            away = max(np.sqrt(x * x + y * y + z * z), NEAR)
+            away = max(np.sqrt(x * x + y * y + z * z), SHARED)
             r = x - away * ray[0], y - away * ray[1], z - away * ray[2]
-            far = np.sqrt(1.0 + (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / (WITHIN * WITHIN))
-            energy += stiffness * WITHIN * WITHIN * (far - 1.0)
+            far = np.sqrt(1.0 + (r[0] * r[0] + r[1] * r[1] + r[2] * r[2]) / (BOUND * BOUND))
+            energy += stiffness * BOUND * BOUND * (far - 1.0)
             for i in range(3):
                 a, b, c = -ray[i] * x / away, -ray[i] * y / away, -ray[i] * z / away
                 a, b, c = a + (1.0 if i == 0 else 0.0), b + (1.0 if i == 1 else 0.0), c + (1.0 if i == 2 else 0.0)
@@ -248,26 +248,26 @@ def _add_holds(free, columns, w, room, sums):  # type: ignore[no-untyped-def]
 
 
 @inlined(fastmath=True)
-def _firmly(depth):  # type: ignore[no-untyped-def]
-    """The energy, the force and the curvature of skin that is pressed in: soft at first, and `FIRM` from `GIVES` on."""
-    if depth < GIVES:
-        share = depth / GIVES
-        return FIRM * depth * depth * share / 6.0, 0.5 * FIRM * depth * share, FIRM * share
-    return FIRM * (0.5 * depth * (depth - GIVES) + GIVES * GIVES / 6.0), FIRM * (depth - 0.5 * GIVES), FIRM
+def _penalty(depth):  # type: ignore[no-untyped-def]
+    """The energy, force and stiffness of a penetration: the stiffness is `APART` from the depth `SOFT` on."""
+    if depth < SOFT:
+        share = depth / SOFT
+        return APART * depth * depth * share / 6.0, 0.5 * APART * depth * share, APART * share
+    return APART * (0.5 * depth * (depth - SOFT) + SOFT * SOFT / 6.0), APART * (depth - 0.5 * SOFT), APART
 
 
 @inlined(fastmath=True)
 def _nearness(farther: float) -> float:
-    """1 for what is nearest, 0 for what is farther by `NEAR` or more."""
-    t = max(1.0 - farther / NEAR, 0.0)
+    """1 for the least gap, falling to 0 for gaps that are larger by `SHARED` or more."""
+    t = max(1.0 - farther / SHARED, 0.0)
     return t * t
 
 
 @inlined(fastmath=True)
 def _add_gap(balls, displaced, ball, capsule, both, columns, f, k, w, room, sums):  # type: ignore[no-untyped-def]
-    """Add a term of the gap of a ball and a capsule; the capsule's limb moves too if `both` give way."""
+    """Add a term of force f and stiffness k of the gap of a ball and a capsule, whose limb moves too if `both` do."""
     _, t, x, y, z = gap_of(balls, ball, capsule, room.placed)
-    carrier, at = balls.carriers[ball], balls.places[ball]
+    carrier, at = balls.carriers[ball], balls.fractions[ball]
     of_ball, of_capsule = displaced.shares[carrier], displaced.shares[capsule]
     one, other = displaced.limbs[carrier], displaced.limbs[capsule] if both else len(w)
     a = (1.0 - at) * of_ball[0, 0] + at * of_ball[1, 0]
@@ -283,8 +283,8 @@ def _add_gap(balls, displaced, ball, capsule, both, columns, f, k, w, room, sums
 
 @inlined(fastmath=True)
 def _write_rows(limb, middle, end, x, y, z, w, room, row):  # type: ignore[no-untyped-def]
-    """Write by how much a point moves along a normal as the parts of a limb turn; it moves by these shares of the
-    displacements of middle and end.
+    """Write dr/dw of the parts of a limb for the normal x, y, z, and a point that moves by the shares `middle` and
+    `end` of the displacements of middle and end.
     """
     if limb < len(w):
         for part in range(2):

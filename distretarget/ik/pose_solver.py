@@ -1,9 +1,9 @@
 """Inverse kinematics: an objective on joint positions, minimised over the rotations of rigid bones. Compiled.
 
 The unknowns are the deviations of parts and root from the rotation copy; the objective is any function of positions,
-plus the stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), where
-about three iterations reach a tolerance without visible jitter. The next frame reuses the curvature while the same
-bones move and few iterations suffice. When reuse fails, twice as many good frames must pass as before the last trial.
+plus the stiffness terms. The spectral gradient method minimises it in the metric of its curvature (`curvature`), in
+about three iterations a frame. The next frame reuses the curvature while the same bones move and few iterations
+suffice. After a failed reuse, twice as many frames as before have to take few iterations until the next trial.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ import numpy as np
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
 from distretarget.ik.curvature import Curvature, are_first, factorise, solve_factored, write_curvature
 from distretarget.ik.spg import Minimum, Reason, inner, record, scratch_for, spectral_gradient
-from distretarget.ik.springs import write_way
+from distretarget.ik.springs import write_moving_bones
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.vectors import F2, F3, Array, Numbers, clear, copy_to
 
 ROUND_ITERATIONS = 30  # iterations before the curvature is recomputed
 ROUNDS = 20  # rounds per frame, each but the first with a new curvature
 FEW_ITERATIONS = 3  # the curvature is reused while frames take at most this many iterations
-LONGEST_WAIT = 64  # after failed reuse, at most this many good frames must pass before the next trial
+LONGEST_WAIT = 64  # at most this many frames with few iterations pass before the next trial
 CONVERGED = Reason.CONVERGED.value
 
 
@@ -66,7 +66,7 @@ class _Problem(NamedTuple):
 def pose_solver(
     terms_of: Callable[..., Any], energy: Callable[..., Any], like_springs: Callable[..., Any]
 ) -> Callable[..., Any]:
-    """Return the solver of one kind of objective, given as three `inlined` functions.
+    """Return the solver for one kind of objective, which is given as three `inlined` functions.
 
     terms_of(given, frame, start) -> terms: the terms of a frame; it may overwrite `start`, which is zero, the rotation
         copy, with another start pose.
@@ -87,7 +87,7 @@ def pose_solver(
     def solve(body, copy, given, tolerance, v, first, log, work):  # type: ignore[no-untyped-def]
         scratch, curvature = work.scratch, work.curvature
         parts = 0
-        calm, wait = 0, 1  # frames in a row that took few iterations, and how many of them a curvature must wait for
+        quick, wait = 0, 1  # frames in a row that took few iterations, and how many of them reuse has to wait for
         for frame in range(len(copy.root)):
             clear(work.starts[0])
             terms, bones, root = terms_of(given, frame, work.starts[0]), copy.bones[frame], copy.root[frame]
@@ -97,12 +97,12 @@ def pose_solver(
                 sigma, tried = pose_best(work.starts, count, body, bones, root, terms, scratch, pose, work.gradient)
                 evaluations += tried
                 springs, acting = like_springs(scratch, terms)
-                moved = write_way(springs, acting, body, curvature.below)
-                kept = calm >= wait and are_first(curvature.bones, curvature.below.way, moved)
-                if not kept:
+                moved = write_moving_bones(springs, acting, body, curvature.below)
+                reused = quick >= wait and are_first(curvature.bones, curvature.below.moving_bones, moved)
+                if not reused:
                     parts = write_curvature(moved, pose, body, scratch, springs, acting, curvature)
                     factorise(curvature.H, 3 * parts)
-                if _reset_others(pose, curvature.place):  # new terms may act then: joints may sink below the floor
+                if _reset_others(pose, curvature.place):  # joints may sink below the floor, where new terms act
                     copy_to(work.starts[0], pose)
                     count = 1
                     continue
@@ -113,8 +113,8 @@ def pose_solver(
                 evaluations += minimum.evaluations - 1  # the first of the method is that of the best start
                 converged = minimum.reason == CONVERGED
                 few = converged and minimum.iterations <= FEW_ITERATIONS
-                calm = calm + 1 if few else 0
-                if kept:
+                quick = quick + 1 if few else 0
+                if reused:
                     wait = 1 if few else 2 * wait if 2 * wait < LONGEST_WAIT else LONGEST_WAIT
                 if converged:
                     break
@@ -150,7 +150,7 @@ def _best_start(energy: Callable[..., Any]) -> Callable[..., Any]:
         best, least, sigma, tried = 0, 0.0, 0.0, 0
         for trial in range(count + 1):
             if trial == count and best == count - 1:
-                break  # the body is in the best one
+                break  # the body has the best pose already
             start = starts[trial if trial < count else best]
             pose_body(start, body, bones, root, scratch)
             potential = energy(scratch, terms)

@@ -1,4 +1,4 @@
-"""Poses of a clip: the motions of rigid parts that they are, their fit to given points, and chunks to solve them in.
+"""Poses of a clip: their motion, their fit to given points, and the chunks of frames in which they are solved.
 
 A part is a joint together with the joints below it that have no rotation of their own. Clips are solved in overlapping
 chunks of frames, serially or in parallel. Only the number of frames decides where a clip is split, so the result is
@@ -27,7 +27,7 @@ Mapper = Callable[..., Iterable[Any]]  # like `map` and an executor's: calls a f
 Progress = Callable[[int], Any]
 
 CHUNK_FRAMES = 1024  # about the length of a chunk [frames]
-LEAD_IN = 32  # frames solved and discarded before a chunk, which let it continue the chunk before
+LEAD_IN = 32  # frames that are solved and discarded before a chunk, so that it continues the chunk before
 LEAST_TURN = 2e-5  # [quaternion norm] smaller local rotations are rounding errors of files
 
 
@@ -61,7 +61,7 @@ class Chunk:
 
 
 def chunks_of(frames: int, margin: int) -> list[Chunk]:
-    """The chunks of a clip in which each frame depends on `margin` frames before and after it."""
+    """Return the chunks of a clip in which each frame depends on `margin` frames before and after it."""
     edges = np.linspace(0, frames, max(1, round(frames / CHUNK_FRAMES)) + 1).astype(int).tolist()
     chunks = []
     for first, end in pairwise(edges):
@@ -101,11 +101,11 @@ def part_of_joint(skeleton: Skeleton, roots: Numbers) -> Numbers:
 
 def subtree_lengths(skeleton: Skeleton, carried: Numbers) -> Array:
     """(joints,), the summed length of each joint's own bone and of all bones below it that lead to one of the joints
-    `carried`: tails, props and helper joints do not count [file units].
+    `carried` [file units]. So tails, props and helper joints do not count.
     """
     sums = np.zeros(len(skeleton))
-    on_the_way = [*skeleton.with_ancestors(carried)]
-    sums[on_the_way] = skeleton.lengths[on_the_way]
+    leading = [*skeleton.with_ancestors(carried)]
+    sums[leading] = skeleton.lengths[leading]
     for joint in range(len(skeleton) - 1, 0, -1):
         sums[skeleton.parents[joint]] += sums[joint]
     return sums

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from distretarget.numerics.compiled import inlined
 from distretarget.numerics.vectors import Array, Numbers, copy_to
 
-ETA = 0.99  # how slowly the line search forgets old values; 0 makes it monotone
+ETA = 0.99  # weight of old values in the reference value of the line search; 0 makes it monotone
 ARMIJO = 1e-4
 KAPPA = 0.5  # the shorter Barzilai-Borwein step is taken where it is less than this part of the longer one
 STEP_MIN = 1e-12
@@ -123,8 +123,8 @@ def _write_step(x, d, alpha, out):  # type: ignore[no-untyped-def]
 
 
 def scratch_for(shape: tuple[int, ...]) -> Array:
-    """The array that the method writes to while it solves a problem of arrays of a shape. It begins as zeros, so that
-    what the objective never writes of its gradient counts as 0.
+    """Return scratch of the method for problems with variables of this shape. It is zero, so that entries of the
+    gradient that the objective never writes are 0.
     """
     return np.zeros((4, *shape))
 

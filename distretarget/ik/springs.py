@@ -50,7 +50,7 @@ def no_springs(frames: int) -> Springs:
 
 
 def room_for_springs(count: int) -> FrameSprings:
-    """Room for `count` springs of one frame."""
+    """Scratch for `count` springs of one frame."""
     ends = np.zeros((2, count), np.intp)
     return FrameSprings(ends[0], ends[1], np.zeros((count, 3)), np.zeros((count, 3, 3)))
 
@@ -96,8 +96,8 @@ def spring_energy(scratch: Scratch, springs: FrameSprings, count: int) -> float:
 class Below(NamedTuple):
     """Work arrays for sums over subtrees, each long enough for all joints of a body."""
 
-    way: I1  # (joints,), the moving bones, see `write_way`
-    first: I1  # (joints + 1,), the index in `way` where each node begins, see `write_nodes`
+    moving_bones: I1  # (joints,), see `write_moving_bones`
+    first: I1  # (joints + 1,), the index in `moving_bones` where each node begins, see `write_nodes`
     G: F4  # (joints, joints, 3, 3), the stiffness between nodes, see `write_stiffness_below`
     ends: I1  # (joints,), the number of springs with exactly one end at or below each joint
     is_end: B1  # (joints,), whether each joint is an end of a spring
@@ -108,15 +108,15 @@ class Below(NamedTuple):
     def of(cls, body: Articulation) -> Below:
         """Arrays for a body."""
         joints = len(body.parents)
-        way, first, ends, children, node = (np.zeros(n, np.intp) for n in (joints, joints + 1, joints, joints, joints))
-        return cls(way, first, np.zeros((joints, joints, 3, 3)), ends, np.zeros(joints, np.bool_), children, node)
+        bones, first, ends, children, node = (np.zeros(joints + n, np.intp) for n in (0, 1, 0, 0, 0))
+        return cls(bones, first, np.zeros((joints, joints, 3, 3)), ends, np.zeros(joints, np.bool_), children, node)
 
 
 @inlined(fastmath=True)
-def write_way(springs: FrameSprings, count: int, body: Articulation, below: Below) -> int:
-    """Write the moving bones to `below.way`, and return their number: the bones whose rotation changes one of the first
-    `count` springs. A bone is given by its lower joint, in descending order; the root, 0, follows if a spring is tied
-    to the world.
+def write_moving_bones(springs: FrameSprings, count: int, body: Articulation, below: Below) -> int:
+    """Write the moving bones to `below.moving_bones`, and return their number: the bones whose rotation changes one of
+    the first `count` springs. A bone is given by its lower joint, in descending order; the root, 0, follows if a spring
+    is tied to the world.
 
     A spring between two joints depends on the bones on the path between them.
     """
@@ -143,26 +143,26 @@ def write_way(springs: FrameSprings, count: int, body: Articulation, below: Belo
         if joint > 0:
             ends[body.parents[joint]] += ends[joint]
         if ends[joint] > 0:
-            below.way[bones] = joint
+            below.moving_bones[bones] = joint
             bones += 1
     return bones
 
 
 @inlined(fastmath=True)
 def write_nodes(bones: int, parents: Numbers, below: Below) -> int:
-    """Write the index where each node begins among the first `bones` bones of `below.way`, and where the last one ends,
-    to `below.first`; return the number of nodes.
-    A node is a chain of bones without a branch and without the end of a spring inside.
+    """Write the index where each node begins among the first `bones` bones of `below.moving_bones`, and where the last
+    one ends, to `below.first`; return the number of nodes. A node is a chain of bones without a branch and without the
+    end of a spring inside.
     """
-    way, children, count = below.way, below.children, 0
+    moving, children, count = below.moving_bones, below.children, 0
     for joint in range(len(children)):
         children[joint] = 0
     for i in range(bones):
-        if way[i] > 0:
-            children[parents[way[i]]] += 1
+        if moving[i] > 0:
+            children[parents[moving[i]]] += 1
     for i in range(bones):
-        joint = way[i]
-        if i == 0 or parents[way[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
+        joint = moving[i]
+        if i == 0 or parents[moving[i - 1]] != joint or children[joint] > 1 or below.is_end[joint]:
             below.first[count] = i
             count += 1
     below.first[count] = bones
@@ -174,19 +174,19 @@ def write_stiffness_below(springs: FrameSprings, count: int, nodes: int, parents
     """Write the stiffness between subtrees to the upper triangle of `below.G[:nodes, :nodes]`: the force on the subtree
     of one node per displacement of that of another. Bones that do not move change no spring, and add nothing.
     """
-    way, first, node, G = below.way, below.first, below.node, below.G
+    moving, first, node, G = below.moving_bones, below.first, below.node, below.G
     for joint in range(len(node)):
         node[joint] = -1
     for n in range(nodes):
         for i in range(first[n], first[n + 1]):
-            node[way[i]] = n
+            node[moving[i]] = n
         for m in range(n, nodes):
             for i in range(3):
                 for j in range(3):
                     G[n, m, i, j] = 0.0
     _add_ends(springs, count, node, G)
     for n in range(nodes):
-        top = way[first[n + 1] - 1]
+        top = moving[first[n + 1] - 1]
         above = node[parents[top]] if top > 0 else -1
         if above >= 0:
             _add_to_above(G, n, above, nodes)

@@ -1,1 +1,1 @@
-"""What is to be kept, one file a term: contacts, foot lock, other supports, the floor, the paper's distances."""
+"""The terms that are minimised, a file each: contacts, foot lock, other supports, the floor, the paper's distances."""

@@ -1,8 +1,8 @@
 """Activation: from 0 to 1, whether two joints are in contact in a frame, from their normalised distance D, Eq. (1).
 
-A contact is what a limb goes out of its way for. A hand that hangs is near hip and thigh and touches neither; so joints
-of one body are in contact if they are clearly nearer than in a body with hanging arms, or if they stay near each other
-on a raised or bent arm. `ContactSettings` are what an animator may want to change; all else are constants.
+A hand that hangs is near hip and thigh and touches neither. So two joints of one body are in contact if they are
+clearly nearer than with hanging arms, or if they stay near each other while the arm is raised or bent.
+`ContactSettings` holds what an animator may want to change; all else are constants.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from distretarget.errors import SettingsError
 from distretarget.numerics.moving import raised_cosine
 from distretarget.numerics.time_series import Shots, by_shot
 from distretarget.numerics.vectors import Array, Flags
-from distretarget.objectives.setting_in import Pairs, write_activation
+from distretarget.objectives.activation_terms import Pairs, write_activation
 
 FADE = 0.05  # [D] a contact fades out from `reach` to `reach` plus this
 # A pair is in contact up to `NEARER` times its D in a body with hanging arms, and in none from `AS_FAR` times it on.
 NEARER = 0.6
 AS_FAR = 0.9
-HELD = 0.15  # a hand is held where it is if it keeps its D for this time before and after a frame [s]
-STEADY, UNSTEADY = 0.02, 0.04  # a D that varies by the first keeps, by the second does not [D]
+HELD = 0.15  # a hand is held in place if its D is constant for this time before and after a frame [s]
+STEADY, UNSTEADY = 0.02, 0.04  # a D that varies by up to the first is constant, from the second on it is not [D]
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)
@@ -62,17 +62,17 @@ DEFAULT_SETTINGS = ContactSettings()
 def activation(D: Array, shots: Shots, lead: float, reach: float) -> Array:
     """f: (frames, pairs), the activation of pairs of two bodies, 0 to 1, from their normalised distances D.
 
-    It is 1 up to `reach`, 0 from `reach + FADE` on, and smooth in between; it rises before a contact and falls after it
-    over 2 `lead` frames. Nothing spreads across a cut between `shots`, (frames,). With the least D about each frame
-    (`numerics.joint_pairs.least_distances`) it is a function of time, whatever the frame rate.
+    It is 1 up to `reach`, 0 from `reach + FADE` on, and smooth in between. It rises over 2 `lead` frames before a
+    contact and falls over as many after it, but never across a cut between `shots`, (frames,). With the least D about
+    each frame (`numerics.joint_pairs.least_distances`) it does not depend on the frame rate.
     """
-    hanging, raised, kept = np.full(D.shape[1], np.inf), np.zeros_like(D), np.ones_like(D)
-    return SelfContact(lead, 0, reach).activation(D, hanging, raised, shots, kept)
+    hanging, raised, enabled = np.full(D.shape[1], np.inf), np.zeros_like(D), np.ones_like(D)
+    return SelfContact(lead, 0, reach).activation(D, hanging, raised, shots, enabled)
 
 
 def activation_window(lead: float) -> int:
     """The number of frames on each side that `activation` depends on: twice the lead, one for the least D about a
-    frame, and one for faults.
+    frame, and one for the median of three.
     """
     return 2 * round(lead) + 2
 
@@ -82,12 +82,12 @@ class SelfContact:
     """When pairs of joints of one body are in contact."""
 
     lead: float  # frames; an activation rises before a contact and falls after it over twice this
-    held: int  # a hand is held if it keeps its distance for this many frames before and after a frame
+    held: int  # a hand is held in place if its D is constant for this many frames before and after a frame
     reach: float  # [D] as in `activation`
 
     @classmethod
     def of(cls, settings: ContactSettings, frame_time: float) -> SelfContact:
-        """Return it for a frame time [s]."""
+        """Return the conditions of contact at a frame time [s]."""
         return cls(settings.blend / frame_time, max(round(HELD / frame_time), 1), settings.reach)
 
     @property
@@ -96,28 +96,28 @@ class SelfContact:
         return activation_window(self.lead) + self.held
 
     def apart(self, hanging: Array, raised: Flags) -> Array:
-        """Return the D from which pairs are in no contact, (pairs,); `hanging` as in `activation`, `raised`, (pairs,),
-        is whether the arm of either joint ever is raised or bent.
+        """Return the D from which each pair is in no contact, (pairs,). `hanging` as in `activation`; `raised`,
+        (pairs,), says whether the arm of either joint is ever raised or bent.
         """
         farthest = self.reach + FADE
         return np.where(raised, farthest, np.minimum(farthest, AS_FAR * hanging))
 
-    def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots, kept: Array) -> Array:
-        """f: (frames, pairs), as `activation` for two bodies.
+    def activation(self, D: Array, hanging: Array, raised: Array, shots: Shots, enabled: Array) -> Array:
+        """f: (frames, pairs), as the function `activation`, for pairs of one body.
 
-        `hanging`, (pairs,), is the D of the pairs in the same body with hanging arms, infinite where that is not known;
-        `raised`, (frames, pairs), how far the arm of either joint is raised or bent, 0 to 1; `kept`, (frames, pairs), 0
-        where a contact is dropped, else 1.
+        `hanging`, (pairs,), is the D of each pair in the same body with hanging arms, infinite where that is unknown;
+        `raised`, (frames, pairs), how far the arm of either joint is raised or bent, 0 to 1; `enabled`, (frames,
+        pairs), 0 where the user drops a contact, else 1.
         """
-        return by_shot(partial(self._activation, hanging), shots, D, raised, kept)
+        return by_shot(partial(self._activation, hanging), shots, D, raised, enabled)
 
-    def _activation(self, hanging: Array, D: Array, raised: Array, kept: Array) -> Array:
+    def _activation(self, hanging: Array, D: Array, raised: Array, enabled: Array) -> Array:
         reach, farthest, frames = self.reach, self.reach + FADE, len(D)
         near, apart = np.minimum(reach, NEARER * hanging), np.minimum(farthest, AS_FAR * hanging)
         hangs = np.flatnonzero((AS_FAR * hanging < farthest) & raised.any(axis=0))
-        D, kept = np.ascontiguousarray(D), np.ascontiguousarray(kept)
-        pairs = Pairs(D, kept, near, apart, hangs, np.take(D, hangs, axis=1), np.take(raised, hangs, axis=1))
+        D, enabled = np.ascontiguousarray(D), np.ascontiguousarray(enabled)
+        pairs = Pairs(D, enabled, near, apart, hangs, np.take(D, hangs, axis=1), np.take(raised, hangs, axis=1))
         weights, f = raised_cosine(round(self.lead)), np.empty_like(D)
-        of_all, of_some = np.empty((3, *D.shape)), np.empty((5, frames, len(hangs)))
-        write_activation(pairs, reach, farthest, STEADY, UNSTEADY, self.held, weights, of_all, of_some, f)
+        of_all, of_hangs = np.empty((3, *D.shape)), np.empty((5, frames, len(hangs)))
+        write_activation(pairs, reach, farthest, STEADY, UNSTEADY, self.held, weights, of_all, of_hangs, f)
         return f

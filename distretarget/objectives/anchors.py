@@ -1,7 +1,8 @@
-"""Where hands that touch a body belong on it: the same place of the hand on the same place of the body.
+"""Anchors: where on the target's body a touching hand belongs, so that the same points of hand and body touch.
 
-A hand touches with its nearest balls, about as far along it as these are, from the wrist; the same share of the way
-along the target's hand belongs on the ray (`part_axes`) of the place that is touched.
+The point of contact on the hand is given by its fraction along the hand from the wrist: the weighted mean of those of
+the balls nearest to the touched part. The point at the same fraction along the target's hand belongs on the ray
+(`part_axes`) of the point that the source touches.
 """
 
 from __future__ import annotations
@@ -12,26 +13,26 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin, Skins
+from distretarget.objectives.contact_zones import ContactZones
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
-from distretarget.objectives.spots import Spots
 from distretarget.skin.balls import ball_gaps
 from distretarget.skin.capsules import SEGMENTS
 
-NEARER = 0.01  # what is less than this farther than the nearest counts, of parts and of balls [body units]
+NEARER = 0.01  # parts and balls count whose gap exceeds the least by less than this [body units]
 
 
 def anchors(
-    source: Motion, posed: Motion, skins: Skins, spots: Spots, in_source: Array, firmness: Array
+    source: Motion, posed: Motion, skins: Skins, zones: ContactZones, in_source: Array, firmness: Array
 ) -> dict[str, Array]:
-    """Return the fields `off`, `rays`, `ties` and `carried` of `limb_terms.Frames`, with an anchor for each of `PARTS`.
+    """Return the anchor fields of `limb_terms.Frames`, with an anchor for each of `PARTS`.
 
     Args:
-        source: its motion [file units].
-        posed: that of the target, before its limbs bend [file units].
-        skins: of both.
-        spots: of the target.
-        in_source: (frames, pairs), the gaps of the source [body units].
-        firmness: (frames, spots), how firmly each spot is touched, 0 to 1.
+        source: the source's motion [file units].
+        posed: the target's motion before its limbs bend [file units].
+        skins: of source and target.
+        zones: of the target.
+        in_source: (frames, pairs), the source's gaps [body units].
+        firmness: (frames, zones), the weight of each contact, 0 to 1.
     """
     one, other, limbs = skins.source, skins.target, skins.target.limbs
     fields, hands = no_anchors(len(posed), len(limbs), len(PARTS)), shared_hands(one, other)
@@ -40,43 +41,39 @@ def anchors(
     for limb, (segment, *_) in hands.items():
         for part, names in enumerate(PARTS.values()):
             touched = np.array([*map(SEGMENTS.index, names)])
-            fields["ties"][:, limb, part] = tie(other.balls.pairs, spots, segment, touched, in_source, firmness)
-    touch = np.flatnonzero(fields["ties"].any(axis=(1, 2)))
+            weight = anchor_weight(other.balls.pairs, zones, segment, touched, in_source, firmness)
+            fields["anchor_weights"][:, limb, part] = weight
+    touch = np.flatnonzero(fields["anchor_weights"].any(axis=(1, 2)))
     if not len(touch):
         return no_anchors(len(posed), len(limbs))
     before, now = source[touch], posed[touch]
     bodies = [(body, motion, body.posed(motion)) for body, motion in ((one, before), (other, now))]
     points = np.zeros((2, len(now), len(hands), len(PARTS), 3))
     for row, (limb, (segment, *wrists)) in enumerate(hands.items()):
-        ways = [_way(*each, segment, wrist) for each, wrist in zip(bodies, wrists, strict=True)]
-        along = _along(one, bodies[0][2], segment, *ways[0])
+        hand_axes = [_hand_axis(*each, segment, wrist) for each, wrist in zip(bodies, wrists, strict=True)]
+        of_balls = _fractions_of_balls(one, bodies[0][2], segment, *hand_axes[0])
         for part, names in enumerate(PARTS.values()):
-            on = fields["ties"][touch, limb, part] > 0.0
-            share = _how_far_along(one, bodies[0][2], segment, names, along, on)
-            for body, (start, way) in enumerate(ways):
-                points[body, :, row, part] = start + share[:, None] * way
+            on = fields["anchor_weights"][touch, limb, part] > 0.0
+            fraction = _fraction(one, bodies[0][2], segment, names, of_balls, on)
+            for body, (start, axis) in enumerate(hand_axes):
+                points[body, :, row, part] = start + fraction[:, None] * axis
     places, out, heights = rays(one.landmarks.axes(before), other.landmarks.axes(now), points[0])
     for row, limb in enumerate(hands):
-        fields["off"][touch, limb] = (points[1, :, row] - places[:, row]) / other.unit
-        fields["rays"][touch, limb] = out[:, row]
-        fields["carried"][touch, limb] = _carried(heights[:, row])
+        fields["anchor_offsets"][touch, limb] = (points[1, :, row] - places[:, row]) / other.unit
+        fields["anchor_rays"][touch, limb] = out[:, row]
+        fields["anchor_shares"][touch, limb] = _shares(heights[:, row])
     return fields
 
 
 def no_anchors(frames: int, limbs: int, count: int = 0) -> dict[str, Array]:
-    """Return the fields of `limb_terms.Frames` for so many anchors that hold nothing."""
-    none = np.zeros((frames, limbs, count, 3))
-    return {
-        "off": none,
-        "rays": none.copy(),
-        "ties": np.zeros(none.shape[:3]),
-        "carried": np.zeros((*none.shape[:3], 2)),
-    }
+    """Return the anchor fields of `limb_terms.Frames` for `count` anchors a limb, all of weight 0."""
+    widths = {"anchor_offsets": (3,), "anchor_rays": (3,), "anchor_weights": (), "anchor_shares": (2,)}
+    return {name: np.zeros((frames, limbs, count, *width)) for name, width in widths.items()}
 
 
 def shared_hands(one: BodySkin, other: BodySkin) -> dict[int, tuple[int, int, int]]:
-    """Return the segment of the hand of each arm of the other body, and the wrists of both bodies, by the arm's number;
-    of arms that both bodies have.
+    """Return, by limb index of the other body, the segment of each hand that both bodies have, and its wrist joints in
+    both.
     """
     wrists = {one.of_joint[limb.end]: limb.end for limb in one.limbs if limb.is_arm}
     found = {}
@@ -88,51 +85,53 @@ def shared_hands(one: BodySkin, other: BodySkin) -> dict[int, tuple[int, int, in
     return found
 
 
-def _way(body: BodySkin, motion: Motion, ends: Array, segment: int, wrist: int) -> tuple[Array, Array]:
-    """The wrist, and the way from there through the middle of a hand as far again, (frames, 3) each [file units]."""
+def _hand_axis(body: BodySkin, motion: Motion, ends: Array, segment: int, wrist: int) -> tuple[Array, Array]:
+    """The wrist, and twice the vector from it to the middle of the hand, (frames, 3) each [file units]."""
     start = motion.positions[:, wrist]
     return start, 2.0 * (body.unit * body.centres(ends, segment).mean(axis=1) - start)
 
 
-def _along(body: BodySkin, ends: Array, segment: int, start: Array, way: Array) -> Array:
-    """(frames, balls), how far along a hand each of its balls is, in ways of the hand."""
+def _fractions_of_balls(body: BodySkin, ends: Array, segment: int, start: Array, axis: Array) -> Array:
+    """(frames, balls), the projection of each ball of a hand onto the hand's axis, (frames, 3) [its lengths]."""
     off = body.unit * body.centres(ends, segment) - start[:, None]
-    square = np.maximum((way**2).sum(axis=1), np.finfo(float).tiny)
-    return np.asarray((off @ way[:, :, None])[..., 0] / square[:, None])
+    square = np.maximum((axis**2).sum(axis=1), np.finfo(float).tiny)
+    return np.asarray((off @ axis[:, :, None])[..., 0] / square[:, None])
 
 
-def _how_far_along(body: BodySkin, ends: Array, segment: int, names: tuple[str, ...], along: Array, on: Flags) -> Array:
-    """(frames,), how far along a hand it touches some segments, by `along` of its balls, and its middle elsewhere."""
-    share = np.full(len(on), 0.5)
+def _fraction(body: BodySkin, ends: Array, segment: int, names: tuple[str, ...], of_balls: Array, on: Flags) -> Array:
+    """(frames,), the fraction along a hand at which it touches segments, by those `of_balls`; 0.5 if it is not `on`."""
+    fraction = np.full(len(on), 0.5)
     parts = np.flatnonzero(np.isin(body.capsules.segments, [SEGMENTS.index(name) for name in names]))
     if on.any() and len(parts):
         gaps = ball_gaps(body.balls, ends[on], segment, parts)
         weights = np.maximum(1.0 - (gaps - gaps.min(axis=1, keepdims=True)) / NEARER, 0.0)
-        share[on] = (weights * along[on]).sum(axis=1) / weights.sum(axis=1)
-    return share
+        fraction[on] = (weights * of_balls[on]).sum(axis=1) / weights.sum(axis=1)
+    return fraction
 
 
-def _carried(heights: Array) -> Array:
-    """(frames, parts, 2), the share of the displacements of the middle and the end of the other arm that a place of a
-    part moves by, at heights, (frames, parts).
+def _shares(heights: Array) -> Array:
+    """(frames, parts, 2), the shares of the displacements of the other arm's elbow and wrist by which points on parts
+    move, at heights along the axes, (frames, parts); 0 on trunk, legs and head.
     """
-    carried, heights = np.zeros((*heights.shape, 2)), np.clip(heights, 0.0, 1.0)
+    shares, heights = np.zeros((*heights.shape, 2)), np.clip(heights, 0.0, 1.0)
     for part, name in enumerate(PARTS):
         if name in ARM_PARTS:
             s = heights[:, part] if "hand" not in name else np.ones(len(heights))
-            carried[:, part] = np.stack([s, 0.0 * s] if "upper" in name else [1.0 - s, s], axis=1)
-    return carried
+            shares[:, part] = np.stack([s, 0.0 * s] if "upper" in name else [1.0 - s, s], axis=1)
+    return shares
 
 
-def tie(pairs: Numbers, spots: Spots, segment: int, touched: Numbers, in_source: Array, firmness: Array) -> Array:
-    """Return how far a segment of a limb touches some others, (frames,), 0 to 1; `pairs`, (pairs, 2), are the segments
-    of `spots`, and the other arguments as in `anchors`.
+def anchor_weight(
+    pairs: Numbers, zones: ContactZones, segment: int, touched: Numbers, in_source: Array, firmness: Array
+) -> Array:
+    """Return the weight of a limb segment's contact with the `touched` segments, (frames,), 0 to 1. `pairs`, (pairs,
+    2), are the segment pairs of `zones`; other arguments as in `anchors`.
     """
     one, other = pairs.T
     on = ((one == segment) & np.isin(other, touched)) | ((other == segment) & np.isin(one, touched))
     found = np.zeros(len(firmness))
-    for spot in np.unique(spots.of_pair[on]):
-        own = spots.of_pair == spot
+    for zone in np.unique(zones.of_pair[on]):
+        own = zones.of_pair == zone
         farther = in_source[:, on & own].min(axis=1) - in_source[:, own].min(axis=1)
-        found = np.maximum(found, firmness[:, spot] * smoothstep(1.0 - farther / NEARER))
+        found = np.maximum(found, firmness[:, zone] * smoothstep(1.0 - farther / NEARER))
     return np.asarray(found)

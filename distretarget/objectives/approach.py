@@ -1,11 +1,12 @@
-"""Hands that copied rotations bring deep into a head, or past each other, are on the side on which the source has them.
+"""Moves hands that copied rotations bring deep into the head, or past each other, to the side they are on in the
+source.
 
-On a body with a large head, or with short arms, a hand above the head in the source is in the middle of the head. From
-there the shortest way out may lead behind the neck, and change from frame to frame. With long arms, hands that clap
-pass each other, and the shortest way apart leads each to the other's side. So before limbs leave what they are in, such
-a hand goes to the direction from the middle of the head, in the head's own axes, that it has in the source, and to the
-source's distance from the head's skin, or as near to that as the arm reaches; and hands that touch go to those from the
-middle between the two, in the axes of the trunk.
+On a body with a large head or short arms, a hand that is above the head in the source is inside it. From there the
+shortest path out may lead behind the neck, and change from frame to frame. With long arms, clapping hands pass each
+other, and the shortest path apart leads each to the other's side. So before penetration is resolved, a hand in the head
+moves to the source's direction from the centre of the head, in the head's axes, and to the source's distance from the
+head's skin, or as near as the arm reaches. Touching hands are placed in the same way relative to the midpoint between
+them, in the axes of the trunk.
 """
 
 from __future__ import annotations
@@ -24,54 +25,54 @@ from distretarget.objectives.part_axes import PARTS
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.limbs import bent, reaching
 
-# A hand that is less deep in a head leaves it by the shortest way, which is on the source's side. From the second depth
-# on, half-way to the middle, no side is the nearest, and it goes to the source's side first [radii of the head].
+# Up to the first depth a hand in the head is not moved: its shortest path out is on the source's side. From the second
+# on, half-way to the centre, it is moved in full [radii of the head].
 SHALLOW, DEEP = 0.1, 0.5
-LEAD = 0.15  # it begins to go there twice this time before it gets so deep, and is back twice this time after [s]
-STEADY = 0.1  # what the arm does is averaged over this time before and after each frame [s]
+LEAD = 0.15  # the displacement begins twice this time before the hand is so deep, and ends twice this time after [s]
+STEADY = 0.1  # half the window of the moving average of the arm's displacements [s]
 HEAD = SEGMENTS.index("head")
 
 
-def approached(clip: Clip, skins: Skins, posed: Motion, free: Array) -> Motion:
-    """Return a motion of the target with hands that are deep in its head, or have passed each other, brought to the
-    source's side; `free`, (frames, limbs), is how far the end of each limb can move, 0 to 1.
+def with_hands_on_source_side(clip: Clip, skins: Skins, posed: Motion, free: Array) -> Motion:
+    """Return the motion `posed` with hands that are deep in the head, or have passed each other, moved to the side they
+    are on in the source. `free`, (frames, limbs), is how far the end of each limb can move, 0 to 1.
     """
     one, other = skins.source, skins.target
     hands = {limb: segment for limb, (segment, *_) in shared_hands(one, other).items()}
     before, now = _Hands.of(one, clip.source, hands), _Hands.of(other, posed, hands)
     if before is None or now is None:
         return posed
-    middles = [*zip(before.middles, now.middles, strict=True)]
+    centres = [*zip(before.centres, now.centres, strict=True)]
     if skins.are_alike:
-        del middles[1:]  # hands of the same body are where they were
+        del centres[1:]  # on the same body the copy has the hands on their own sides
     moved = np.zeros((len(posed), len(other.limbs), 2, 3))
     for limb, hand in now.places.items():
-        way = np.zeros_like(hand)
-        for there, here in middles:
-            direction, distance = there.seen(before.places[limb], clip)
+        displacement = np.zeros_like(hand)
+        for in_source, in_target in centres:
+            direction, distance = in_source.polar(before.places[limb], clip)
             distance *= now.unit / before.unit
-            place = here.place_of(direction, distance)
-            share = smoothstep((here.depth(hand, place, distance) - SHALLOW) / (DEEP - SHALLOW))[:, None]
+            place = in_target.place_at(direction, distance)
+            share = smoothstep((in_target.depth(hand, place, distance) - SHALLOW) / (DEEP - SHALLOW))[:, None]
             if share.any():
                 share = clip.averaged(clip.widened(share, LEAD), LEAD) * free[:, limb, None]
-                way += share * (place - hand - way)
-        if way.any():
-            moved[:, limb] = reaching(posed, other.limbs[limb], way, np.zeros_like(way))
+                displacement += share * (place - hand - displacement)
+        if displacement.any():
+            moved[:, limb] = reaching(posed, other.limbs[limb], displacement, np.zeros_like(displacement))
     return bent(posed, other.limbs, clip.averaged(moved, STEADY)) if moved.any() else posed
 
 
 @dataclass(frozen=True, eq=False)
-class _Middle:
-    """The middle of a head, or that between two hands, in each frame of a motion [file units]."""
+class _Centre:
+    """The centre of a head, or the midpoint between two hands, in each frame of a motion [file units]."""
 
     at: Array  # (frames, 3)
-    axes: Array  # (frames, 3, 3), of what it moves with, as rows
+    axes: Array  # (frames, 3, 3), of the head or the trunk, as rows
     radius: float  # of the head, or of a hand
     is_of_head: bool
 
-    def seen(self, places: Array, clip: Clip) -> tuple[Array, Array]:
-        """Return the directions of places, (frames, 3), from the middle, in its axes, and their distances from the
-        skin, (frames, 1). Hands that are in each other touch, on the sides that they come from.
+    def polar(self, places: Array, clip: Clip) -> tuple[Array, Array]:
+        """Return the directions from the centre to places, (frames, 3), in its axes, and the distances of places from
+        the skin, (frames, 1). Directions of hands are averaged over time, and their distances are at least 0.
         """
         off = np.einsum("fij,fj->fi", self.axes, places - self.at)
         if self.is_of_head:
@@ -79,14 +80,15 @@ class _Middle:
         directions = normalised(clip.averaged(off, LEAD))
         return directions, np.maximum((off * directions).sum(axis=1, keepdims=True) - self.radius, 0.0)
 
-    def place_of(self, directions: Array, distances: Array) -> Array:
-        """Return where directions and distances from the skin lead, (frames, 3)."""
+    def place_at(self, directions: Array, distances: Array) -> Array:
+        """Return the places at some directions and distances from the skin, (frames, 3)."""
         off = np.einsum("fij,fi->fj", self.axes, directions)
         return np.asarray(self.at + (self.radius + distances) * off)
 
     def depth(self, hand: Array, place: Array, distances: Array) -> Array:
-        """Return how deep a hand, (frames, 3), is in the head, or by how much it is deeper in the other hand than where
-        it belongs, (frames,) [radii]; `distances` are those `seen` in the source, where hands have to touch.
+        """Return how deep a hand, (frames, 3), is in the head, (frames,) [radii]; of two hands, how far it is short of
+        its `place` along the direction from the midpoint, times a weight that falls to 0 where the source's `distances`
+        say that hands do not touch.
         """
         off = hand - self.at
         if self.is_of_head:
@@ -97,16 +99,16 @@ class _Middle:
 
 @dataclass(frozen=True, eq=False)
 class _Hands:
-    """Where the hands of a body are in each frame of a motion [file units], and what they are seen from."""
+    """The places of a body's hands in each frame of a motion [file units], and the centres they are relative to."""
 
-    places: dict[int, Array]  # (frames, 3), by the arm's number in the target
-    middles: tuple[_Middle, ...]
-    unit: float  # of the body
+    places: dict[int, Array]  # (frames, 3), by limb index in the target
+    centres: tuple[_Centre, ...]
+    unit: float  # the body unit
 
     @classmethod
     def of(cls, body: BodySkin, motion: Motion, segments: dict[int, int]) -> _Hands | None:
-        """Return those of a body, with the segment of the hand of each arm; None where its head or its landmarks are
-        not known.
+        """Return the hands of a body; None if its head or its landmarks are unknown. `segments` are the hands' by limb
+        index.
         """
         head = body.capsules.segments == HEAD
         if not head.any() or body.landmarks is None:
@@ -115,9 +117,9 @@ class _Hands:
         places = {limb: body.unit * body.centres(ends, segment).mean(axis=1) for limb, segment in segments.items()}
         of_head, of_trunk = (axes[:, [*PARTS].index(part)] for part in ("head", "trunk"))
         middle = body.unit * ends[:, head].mean(axis=(1, 2))
-        middles = [_Middle(middle, of_head, float(body.capsules.radii[head].mean()), is_of_head=True)]
+        centres = [_Centre(middle, of_head, float(body.capsules.radii[head].mean()), is_of_head=True)]
         if len(places) == 2:
             radii = [body.balls.radii[body.balls_of(segment)].mean() for segment in segments.values()]
             middle = np.mean([*places.values()], axis=0)
-            middles.append(_Middle(middle, of_trunk, body.unit * float(np.mean(radii)), is_of_head=False))
-        return cls(places, tuple(middles), body.unit)
+            centres.append(_Centre(middle, of_trunk, body.unit * float(np.mean(radii)), is_of_head=False))
+        return cls(places, tuple(centres), body.unit)

@@ -24,11 +24,11 @@ from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 
-# Beside an upper arm that is all soft, a forearm gives way to the trunk by so much at the elbow, and less and less down
-# to the wrist [radii]: of stout bodies the meshes sink in by 2 % of the height at most, with 0.5 by more.
+# A forearm may overlap the trunk by this at the elbow, falling to 0 at the wrist [radii]: the upper arm next to it is
+# all soft. The meshes of stout bodies then sink in by at most 2 % of the height; with 0.5, by more.
 ELBOW = 0.4
-MOST = 0.012  # so does that of a thick arm by no more than an average one [body units]
-ALIKE = 1e-3  # radii of one body differ by no more [of the radius]
+MOST = 0.012  # the most that this is on thick arms, about what it is on an average one [body units]
+ALIKE = 1e-3  # the largest relative difference of radii that still counts as one body
 IS_FOREARM = np.array(["forearm" in name for name in SEGMENTS])
 IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
 
@@ -38,16 +38,16 @@ class BodySkin:
     """The skin of one body. Lengths of `balls` are in body units, all others in file units."""
 
     capsules: Capsules  # ordered by segment
-    balls: Balls  # the same, and the balls of the limbs
+    balls: Balls  # of the limbs, and the capsules in body units
     limbs: tuple[Limb, ...]  # arms, then legs
     displaced: Displaced  # how the balls move with middle and end of each limb
-    of_joint: Numbers  # (joints,), the segment of each joint, that of its nearest ancestor with a capsule; -1 for none
-    landmarks: Landmarks | None  # of the axes of its parts
+    of_joint: Numbers  # (joints,), the segment of each joint or of its nearest ancestor with a capsule; -1 for none
+    landmarks: Landmarks | None  # from which the axes of body parts are found
     unit: float  # the body unit
-    surface: SurfaceSamples | None = None  # of the mesh, if it has one
+    surface: SurfaceSamples | None = None  # of the mesh, if there is one
 
     def on_mesh(self, mesh: SkinnedMesh | None, skeleton: Skeleton) -> BodySkin:
-        """Return the skin with this mesh, whose joints are those of the body's skeleton."""
+        """Return the skin with the surface of a mesh that is bound to the joints of `skeleton`."""
         return replace(self, surface=_surface_of(mesh, skeleton, self)) if mesh else self
 
     @classmethod
@@ -63,16 +63,16 @@ class BodySkin:
         limbs = limbs_of(body)
         ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
         of_capsule, shares = ends[0][0], np.stack([share for _, share in ends], axis=1)
-        t, on = balls.places[:, None], balls.carriers
+        t, on = balls.fractions[:, None], balls.carriers
         moving = (1.0 - t) * shares[on, 0] + t * shares[on, 1]
         is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
-        moving[is_leg[of_capsule[on]], 1] = 0.0  # feet stay
+        moving[is_leg[of_capsule[on]], 1] = 0.0  # feet are not displaced
         forearms = np.repeat(IS_FOREARM, np.diff(balls.of_ball))
-        give = np.minimum(ELBOW * balls.radii, MOST) * forearms * (1.0 - moving[:, 1])
-        give = np.outer(give, IS_TRUNK[capsules.segments])
-        balls.spare[...] -= np.where(balls.spare < NEVER, give, 0.0)
-        balls.spare[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
-        mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms give way to arms and legs to legs, but legs not to arms
+        overlap = np.minimum(ELBOW * balls.radii, MOST) * forearms * (1.0 - moving[:, 1])
+        overlap = np.outer(overlap, IS_TRUNK[capsules.segments])
+        balls.gap_offsets[...] -= np.where(balls.gap_offsets < NEVER, overlap, 0.0)
+        balls.gap_offsets[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
+        mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms displace arms and legs displace legs, but arms no legs
         head = capsules.radii[capsules.segments == SEGMENTS.index("head")]
         tips = [2.0 * float(head.mean()) if head.size else 0.0]
         for side in SIDES:
@@ -92,37 +92,37 @@ class BodySkin:
     @property
     def can_touch(self) -> Flags:
         """(joints, joints), whether the parts of the body that two joints belong to can touch."""
-        of_parts = np.zeros((len(SEGMENTS) + 1,) * 2, bool)  # the last is that of joints of no part
+        of_parts = np.zeros((len(SEGMENTS) + 1,) * 2, bool)  # the last is for joints without a segment
         first, second = self.balls.pairs.T
         of_parts[first, second] = of_parts[second, first] = True
         return np.asarray(of_parts[np.ix_(self.of_joint, self.of_joint)])
 
     def between(self, one: Numbers | Flags, other: Numbers | Flags) -> Numbers:
-        """Return the pairs of segments of two parts of the body, given by their joints."""
+        """Return the indices of the segment pairs between two parts of the body, given by their joints."""
         a, b = (np.setdiff1d(self.of_joint[joints], [-1]) for joints in (one, other))
         first, second = self.balls.pairs.T
         on = (np.isin(first, a) & np.isin(second, b)) | (np.isin(first, b) & np.isin(second, a))
         return np.flatnonzero(on)
 
     def thickness(self, joint: int) -> float:
-        """Return the mean radius of the part of the body that a joint belongs to [body units]."""
+        """Return the mean radius of the segment that a joint belongs to [body units]."""
         radii = self.balls.cap_radii[self.capsules.segments == self.of_joint[joint]]
         return float(radii.mean()) if radii.size else 0.0
 
     def balls_of(self, segment: int) -> Numbers:
-        """Return the numbers of the balls of a segment."""
+        """Return the indices of the balls of a segment."""
         return np.arange(*self.balls.of_ball[segment : segment + 2])
 
     def centres(self, ends: Array, segment: int) -> Array:
-        """Return the centres of the balls of a segment, (frames, balls, 3); `ends` are those of the capsules, as
-        `posed` [body units].
+        """Return the centres of the balls of a segment, (frames, balls, 3); `ends` are what `posed` returns [body
+        units].
         """
         on = self.balls_of(segment)
-        ends, t = ends[:, self.balls.carriers[on]], self.balls.places[on, None]
+        ends, t = ends[:, self.balls.carriers[on]], self.balls.fractions[on, None]
         return np.asarray((1.0 - t) * ends[:, :, 0] + t * ends[:, :, 1])
 
     def posed(self, motion: Motion) -> Array:
-        """Return the ends of the capsules in each frame, (frames, capsules, 2, 3) [body units]."""
+        """Return the ends of the capsules' axes in each frame, (frames, capsules, 2, 3) [body units]."""
         posed = self.capsules.posed(motion)
         posed /= self.unit
         return posed
@@ -145,13 +145,13 @@ class Skins:
 
     @property
     def are_alike(self) -> bool:
-        """Whether both are the mesh of one body, of any size."""
+        """Whether source and target are the same body, at any scale, and both have a mesh."""
         one, other = (np.sort(skin.capsules.radii / skin.unit, axis=0) for skin in (self.source, self.target))
         known = self.source.surface is not None and self.target.surface is not None
         return known and one.shape == other.shape and bool(np.allclose(one, other, rtol=ALIKE, atol=0.0))
 
     def on_meshes(self, source: SkinnedMesh | None, target: SkinnedMesh | None, matching: Matching) -> Skins:
-        """Return the skins of a source and its target with these meshes."""
+        """Return the skins with the surfaces of the two meshes."""
         return replace(
             self,
             source=self.source.on_mesh(source, matching.source.skeleton),
@@ -160,7 +160,7 @@ class Skins:
 
     @classmethod
     def of(cls, matching: Matching, source: Capsules, target: Capsules) -> Skins | None:
-        """Return the skins of a source and its target; None where a body has no capsules."""
+        """Return the skins of the two matched bodies; None if either has no capsules."""
         if not len(source) or not len(target):
             return None
         return cls(_skin_of(matching.source, source), _skin_of(matching.target, target))
@@ -168,7 +168,6 @@ class Skins:
 
 @rig_cached
 def _skin_of(body: Body, capsules: Capsules) -> BodySkin:
-    """The skin of a body."""
     return BodySkin.of(body, capsules)
 
 

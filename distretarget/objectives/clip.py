@@ -1,4 +1,4 @@
-"""The clip record: everything that the objectives need of a clip and its target, computed once and handed down."""
+"""The clip record: all that the objectives need of a source clip and its target, computed once."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
 
-SWING = 1.0  # the arms of who walks slowly swing to the front and back again in so long [s]
+SWING = 1.0  # arms that swing in a slow walk are in front of the trunk, or behind it, for less than this [s]
 
 
 @dataclass(frozen=True)
@@ -54,20 +54,20 @@ class Clip:
     target_legs: Legs | None  # the target's own legs, driven or not; None where it has none
     source_skeleton: Skeleton  # the source's joints with rigid bones
     hanging: Array  # (source joints, 3), `Body.hanging` of the source [source file units]
-    # (frames, source joints), how far each joint of an arm is where it is on purpose, 0 to 1: those of hands while the
-    # arm is raised or bent, and all that is put in front of the trunk or behind it, of arms that hang for longer than
-    # they do as they swing; 0 for other joints
+    # (frames, source joints), how deliberately each joint of an arm is placed, 0 to 1: 1 for a hand while its arm is
+    # raised or bent, and for hand and forearm in front of the trunk or behind it, if the arm is raised or they stay
+    # there for longer than `SWING`; 0 for all other joints
     raised_arms: Array
     pelvis: int  # the target's joint where its legs branch off, if it has a driver; else the first that has one
     drivers: Numbers  # (joints,), the source joint that drives each target joint; -1 for none
-    regions: Regions  # the target's body regions between which self-contacts are looked for
+    regions: Regions  # the target's body regions, between which self-contacts are found
     limb_joints: Numbers  # driven joints of the target's body, without the feet's; none without legs
     undriven_joints: Numbers  # undriven joints of the target's body, without the feet's; none without legs
     distances: DistanceProblem  # the points that source and target share, with their path lengths
     roots: Numbers  # (joints,), the topmost joint of the rigid part that each joint belongs to
     parts: Numbers  # (joints,), the rigid part that carries the bones below each joint
     drops: tuple[DroppedContact, ...] = ()  # contacts that the user drops
-    by_skin: Flags | None = None  # (joints, joints), whose contacts are those of skins; None without skin
+    by_skin: Flags | None = None  # (joints, joints), pairs whose contacts are found from skins; None without skin
 
     @classmethod
     def of(cls, matching: Matching, scale: RootScale) -> Clip:
@@ -131,7 +131,7 @@ class Clip:
         return replace(self, root=self.root + by)
 
     def copy_on_path(self, joints: Numbers) -> Array:
-        """Return the rotation copy's joints with its root on `root`, (frames, joints, 3) [target file units]."""
+        """Return the rotation copy's joints with the root on its path, (frames, joints, 3) [target file units]."""
         places = self.copy.positions_of(joints)
         places += (self.root - self.copy.root_positions)[:, None]
         return places
@@ -163,7 +163,7 @@ class Clip:
 
 
 def raised_arms(body: Body, motion: Motion) -> Array:
-    """`Clip.raised_arms` of a body in a motion."""
+    """Return `Clip.raised_arms` for a body in a motion."""
     x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.shoulder for arm in body.arms]
     values = np.zeros((len(motion), len(body.skeleton)))
     lasts = partial(opening, frames=SWING / motion.frame_time)
@@ -181,7 +181,7 @@ def raised_arms(body: Body, motion: Motion) -> Array:
 
 @rig_cached
 def _shared_distances(matching: Matching) -> DistanceProblem:
-    """The distance problem of the points that both bodies of a matching have."""
+    """The distance problem of the points that both matched bodies have."""
     return distance_problem(matching.source.skeleton, matching.target.skeleton, matching.drivers)
 
 
@@ -203,7 +203,7 @@ def rigid_part_roots(matching: Matching) -> Numbers:
     knuckles = anatomy.knuckles if anatomy else ()
     roots = np.arange(len(skeleton))
     for joint in range(1, len(skeleton)):
-        still = matching.rotation_sources[joint, 0] < 0 and joint not in knuckles
-        if (still or not skeleton.rotation_axes(joint)) and skeleton.children[joint]:
+        undriven = matching.rotation_sources[joint, 0] < 0 and joint not in knuckles
+        if (undriven or not skeleton.rotation_axes(joint)) and skeleton.children[joint]:
             roots[joint] = roots[skeleton.parents[joint]]
     return roots

@@ -1,7 +1,7 @@
-"""Limbs that reach for what constraints say: arms, or legs among themselves, close what is left between two parts.
+"""Bends limbs until user constraints are met: arms, or legs where both parts are on legs.
 
-The solver brings parts near each other, with trunk and all limbs; then limbs bend until the constraints are met. Arms
-that would meet inside the trunk are brought out of it first, forwards.
+The solver has brought the parts near each other, with the trunk and all limbs; limbs close what is left. Arms that
+would meet inside the trunk are first moved out of it, forwards. Directions of head, hands and feet are set here, too.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from distretarget.numerics.rotations import continuous
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Numbers, cross, lengths, normalised
 from distretarget.objectives.body_skin import BodySkin, Skins
-from distretarget.objectives.constraint_springs import off_by
+from distretarget.objectives.constraint_springs import correction
 from distretarget.objectives.constraints import Constraint, Constraints
 from distretarget.objectives.part_axes import PARTS
 from distretarget.objectives.supports import Supports
-from distretarget.skin.capsules import PLACE, SEGMENTS, TRUNK_SEGMENTS
+from distretarget.skin.capsules import GROUP, SEGMENTS, TRUNK_SEGMENTS
 from distretarget.skin.fit import distances
 from distretarget.skin.limbs import Limb, across, bent, reaching
 
-FOREARM = 0.5  # what touches a forearm moves by about this share of what its wrist does
-STEPS = np.linspace(0.0, 0.5, 26)  # how far arms are brought out of the trunk, at most [body units]
-OUTWARDS, DOWN = 0.6, 0.8  # where elbows point as arms reach for something
-ASIDE = np.radians(25.0)  # a hand that faces something is in line with its forearm but for this, at most [rad]
+FOREARM = 0.5  # a point on a forearm moves by about this share of the wrist's displacement
+STEPS = np.linspace(0.0, 0.5, 26)  # distances that are tried to move arms out of the trunk [body units]
+OUTWARDS, DOWN = 0.6, 0.8  # the usual direction of elbows of reaching arms, from the trunk
+ASIDE = np.radians(25.0)  # the largest angle between a hand that faces an anchor and its forearm [rad]
 POLES = normalised(np.array([each for each in product((-1.0, 0.0, 1.0), repeat=3) if any(each)]))
-USUAL = 0.3  # what is inside counts against the usual direction by this [radii of the arm]
-SEEN = 6  # frames that show where elbows point, at most
-ALONG = np.array([0.5, 0.75, 1.0])  # where arms are looked at
-OUT = 0.15  # they lead in time over twice this [s]
+USUAL = 0.3  # other elbow directions have to save this much depth to be taken [radii of the arm]
+SEEN = 6  # at most this many frames decide the direction of an elbow
+ALONG = np.array([0.5, 0.75, 1.0])  # fractions along upper arm and forearm at which their depth is found
+OUT = 0.15  # arms begin to leave the trunk twice this time before they have to [s]
 TRUNK = [SEGMENTS.index(name) for name in (*TRUNK_SEGMENTS, "left thigh", "right thigh")]
 
 
 @dataclass(frozen=True, eq=False)
-class Reaching:
-    """A body whose limbs reach for what a user asks. Weights are those of each constraint, (frames,)."""
+class LimbReach:
+    """Moves the limbs of a body so that user constraints are met; methods take the weights of these, (frames,) each."""
 
     constraints: Constraints
     supports: Supports
@@ -54,38 +54,38 @@ class Reaching:
 
     @cached_property
     def skin(self) -> BodySkin:
-        """The skin of the body; an average one of a stick figure."""
+        """The skin of the body; an average body's for a stick figure."""
         return self.skins.target if self.skins else BodySkin.of(self.body, average_build_of(self.body).on(self.body))
 
     def displacements(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
-        """Return how far the ends of limbs have to go to close what is left in a motion, (frames, limbs, 3) [file
-        units], times the weights; and the largest of these, (frames, limbs).
+        """Return the weighted displacements of the ends of limbs that meet the constraints in a motion, (frames, limbs,
+        3) [file units], and for each limb the largest of the weights, (frames, limbs).
         """
         constraints, limbs = self.constraints, self.skin.limbs
         displacements, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
         for constraint, weight in zip(constraints, weights, strict=True):
             moving = _moving(constraints, constraint, self.supports, limbs) if weight.any() else []
             if moving:
-                off = off_by(constraints, constraint, motion, self.supports, self.skins)
-                way, total = weight[:, None] * constraints.clip.unit * off, sum(free for _, _, free, _ in moving)
+                needed = correction(constraints, constraint, motion, self.supports, self.skins)
+                needed, total = weight[:, None] * constraints.clip.unit * needed, sum(free for _, _, free, _ in moving)
                 for number, sign, free, share in moving:
                     part = np.divide(free, total, out=np.zeros_like(free), where=total > 0.0)
-                    displacements[:, number] += (sign / share * part * free)[:, None] * way
+                    displacements[:, number] += (sign / share * part * free)[:, None] * needed
                     firmness[:, number] = np.maximum(firmness[:, number], weight * (part > 0.0))
         return displacements, firmness
 
-    def reached(self, motion: Motion, weights: Sequence[Array], steady: float) -> Motion:
-        """Return a motion whose limbs close what is left of contacts, distances and parts that rest on others. What
-        limbs do is averaged over the time `steady` before and after each frame [s]. Hands turn first, so that anchors
-        on them face those that they touch.
+    def with_gaps_closed(self, motion: Motion, weights: Sequence[Array], steady: float) -> Motion:
+        """Return a motion whose limbs are moved to meet contacts, distances and planted parts. Displacements are
+        averaged over the time `steady` before and after each frame [s]. Hands turn first, so that their anchors face
+        the anchors that they touch.
         """
         for constraint, weight in zip(self.constraints, weights, strict=True):
-            motion = self._with_hands_facing(motion, constraint, weight)
+            motion = self._with_anchors_facing(motion, constraint, weight)
         return self._moved(motion, self.displacements(motion, weights)[0], steady)
 
-    def _with_hands_facing(self, motion: Motion, constraint: Constraint, weight: Array) -> Motion:
-        """The motion with the hands of a contact turned so that its anchors face each other, as far as they can, and
-        about in line with their forearms.
+    def _with_anchors_facing(self, motion: Motion, constraint: Constraint, weight: Array) -> Motion:
+        """The motion with hands turned so that the two anchors of a contact face each other, and the hands are about in
+        line with their forearms.
         """
         anchors = (constraint.anchors or ())[:2]
         moving = _moving(self.constraints, constraint, self.supports, self.skin.limbs) if anchors else []
@@ -100,14 +100,14 @@ class Reaching:
                     spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
                     spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
                     turn = Rotation.from_rotvec(spin[:, None] * out) * turn
-                    turns.append((arm.end, (free * weight)[:, None] * _unwound(turn, weight)))
-        for joint, way in turns:
-            goal = Rotation.from_rotvec(way / len(turns)) * Rotation.from_quat(motion.world_rotations_of(joint))
-            motion = _turned(motion, joint, goal, way.any(axis=1).astype(float))
+                    turns.append((arm.end, (free * weight)[:, None] * _unwrapped(turn, weight)))
+        for joint, v in turns:
+            goal = Rotation.from_rotvec(v / len(turns)) * Rotation.from_quat(motion.world_rotations_of(joint))
+            motion = _turned(motion, joint, goal, v.any(axis=1).astype(float))
         return motion
 
-    def brought_out(self, motion: Motion, weights: Sequence[Array]) -> Motion:
-        """Return a motion in which arms that touch something are brought out of the trunk, forwards."""
+    def arms_out_of_trunk(self, motion: Motion, weights: Sequence[Array]) -> Motion:
+        """Return a motion in which the arms of user contacts are moved out of the trunk, forwards."""
         constraints, body, limbs = self.constraints, self.body, self.skin.limbs
         clip, moved = constraints.clip, np.zeros((len(motion), len(limbs), 3))
         spine = body.anatomy.spine if body.anatomy else ()
@@ -115,18 +115,18 @@ class Reaching:
         for constraint, weight in zip(constraints, weights, strict=True):
             if isinstance(constraint.entry, Contact):
                 moving = _moving(constraints, constraint, self.supports, limbs)
-                on, far = np.flatnonzero(constraint.frames), np.zeros(len(motion))
-                far[on] = _way_out(self.skin, posed[on], np.concatenate(constraint.joints), front[on])
-                far = clip.averaged(clip.widened(far[:, None], OUT)[:, 0], OUT)
+                on, out = np.flatnonzero(constraint.frames), np.zeros(len(motion))
+                out[on] = _distance_out(self.skin, posed[on], np.concatenate(constraint.joints), front[on])
+                out = clip.averaged(clip.widened(out[:, None], OUT)[:, 0], OUT)
                 for number, _, free, _ in moving:
                     if limbs[number].is_arm:
-                        moved[:, number] += (free * weight * far)[:, None] * clip.unit * front
+                        moved[:, number] += (free * weight * out)[:, None] * clip.unit * front
         return self._moved(motion, moved, 0.0)
 
     def _moved(self, motion: Motion, displacements: Array, steady: float) -> Motion:
-        """The motion with the ends of limbs moved, (frames, limbs, 3) [file units], as far as they reach."""
+        """The motion with the ends of limbs displaced, (frames, limbs, 3) [file units], as far as limbs reach."""
         clip, limbs = self.constraints.clip, self.skin.limbs
-        if not limbs:  # as those of figures of blocks, which do not bend
+        if not limbs:  # as on figures of blocks, whose limbs do not bend
             return motion
         displacements = clip.averaged(displacements, steady) * (self.constraints.share > 0.0)[:, None, None]
         poles, firmness = self._poles(motion, displacements)
@@ -136,8 +136,8 @@ class Reaching:
         return _bent_in_steps(motion, limbs, clip.averaged(np.stack(displaced, axis=1), steady))
 
     def _poles(self, motion: Motion, displacements: Array) -> tuple[Array, Array]:
-        """(frames, limbs, 3), where elbows point, and how firmly, (frames, limbs): down and out of the trunk; of arms
-        that come to anchors to where they are outside of it. Knees point nowhere.
+        """The pole vectors of limbs, (frames, limbs, 3), and their weights, (frames, limbs). Elbows point down and
+        outwards, those of arms with anchors to where the arm is outside of the trunk; legs have no pole vectors.
         """
         landmarks, limbs, constraints = self.skin.landmarks, self.skin.limbs, self.constraints
         poles, firmness = np.zeros((len(motion), len(limbs), 3)), np.zeros((len(motion), len(limbs)))
@@ -159,8 +159,8 @@ class Reaching:
         return poles, firmness
 
     def _pole_outside(self, motion: Motion, limb: Limb, by: Array, trunk: Array, usual: Array) -> Array:
-        """(3,), along the axes of the trunk, (frames, 3, 3), where the elbow of an arm points whose end is moved by
-        vectors, (frames, 3), so that the arm is in the body as little as may be; else as usual.
+        """(3,), in the axes of the trunk, (frames, 3, 3), the pole vector that keeps an arm out of the body best while
+        its end is displaced by vectors, (frames, 3); the `usual` one if no other is clearly better.
         """
         skin, count = self.skin, len(POLES)
         on, thick = np.isin(skin.capsules.segments, TRUNK), skin.unit * skin.thickness(limb.middle)
@@ -178,8 +178,8 @@ class Reaching:
 
 
 def _bent_in_steps(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
-    """The motion with middles and ends of limbs displaced, (frames, limbs, 2, 3) [file units]: limbs turn as a whole,
-    and then bend. In one step a forearm may have to turn by half a turn, about any axis, and its twist would jump.
+    """The motion with middles and ends of limbs displaced, (frames, limbs, 2, 3) [file units]. Limbs turn as a whole
+    first, and then bend: in one step a forearm may turn by 180 degrees, about any axis, and its twist would jump.
     """
     whole, joints = displacements.copy(), np.array([limb.joints for limb in limbs], np.intp).reshape(-1, 3)
     bones = np.diff(motion.positions[:, joints], axis=2)
@@ -192,8 +192,8 @@ def _bent_in_steps(motion: Motion, limbs: Sequence[Limb], displacements: Array) 
 def _moving(
     constraints: Constraints, constraint: Constraint, supports: Supports, limbs: Sequence[Limb]
 ) -> list[tuple[int, float, Array, float]]:
-    """The limbs that can close what a constraint leaves: number, sign, how free each is, (frames,), and by which share
-    of its end the part moves. Legs stay where an arm can move.
+    """The limbs that can be moved to meet a constraint: index, sign of the displacement, how free each is, (frames,),
+    and the share of its end's displacement by which the part moves. Legs are left out if an arm can move.
     """
     found, skeleton, pair = [], constraints.clip.skeleton, constraint.pair
     planted = pair is None and isinstance(constraint.entry, Plant) and constraint.entry.keep
@@ -211,37 +211,35 @@ def _moving(
     return arms if arms or planted else found
 
 
-def _way_out(skin: BodySkin, posed: Array, parts: Numbers, front: Array) -> Array:
-    """(frames,), how far the balls of limbs' parts have to go along `front`, (frames, 3), to leave the trunk or the
-    head, unless they are to touch it [body units].
+def _distance_out(skin: BodySkin, posed: Array, parts: Numbers, front: Array) -> Array:
+    """(frames,), the least of `STEPS` by which the limbs of a contact's `parts` have to move along `front`, (frames,
+    3), to leave trunk, thighs and head, unless the contact is with these [body units]; 0 if no step is enough.
     """
     balls, segments, caps = skin.balls, np.unique(skin.of_joint[parts]), skin.capsules.segments
     own = np.flatnonzero(np.isin(caps[balls.carriers], np.setdiff1d(segments, TRUNK)))
-    others = np.flatnonzero(np.isin(caps, [each for each in TRUNK if PLACE[each] not in PLACE[segments]]))
+    others = np.flatnonzero(np.isin(caps, [each for each in TRUNK if GROUP[each] not in GROUP[segments]]))
     if not len(own) or not len(others):
         return np.zeros(len(posed))
-    t = balls.places[own, None]
+    t = balls.fractions[own, None]
     p = (1.0 - t) * posed[:, balls.carriers[own], 0] + t * posed[:, balls.carriers[own], 1]
     p = p[:, None] + STEPS[:, None, None] * front[:, None, None]
     clear = np.ones((len(posed), len(STEPS)), bool)
     for each in others.tolist():
         a, axis, radii = posed[:, each, 0], posed[:, each, 1] - posed[:, each, 0], balls.cap_radii[each]
-        way = p - a[:, None, None]
-        along = np.einsum("fsbi,fi->fsb", way, axis) / np.maximum((axis**2).sum(axis=1), 1e-12)[:, None, None]
+        off = p - a[:, None, None]
+        along = np.einsum("fsbi,fi->fsb", off, axis) / np.maximum((axis**2).sum(axis=1), 1e-12)[:, None, None]
         along = np.clip(along, 0.0, 1.0)
-        far = lengths(way - along[..., None] * axis[:, None, None])
-        radius = (
-            (1.0 - along) * radii[0] + along * radii[1] + balls.radii[own] + np.minimum(balls.spare[own, each], 0.0)
-        )
-        clear &= (far >= radius).all(axis=2)
+        distance = lengths(off - along[..., None] * axis[:, None, None])
+        least = (1.0 - along) * radii[0] + along * radii[1] + balls.radii[own]
+        clear &= (distance >= least + np.minimum(balls.gap_offsets[own, each], 0.0)).all(axis=2)
     return np.where(clear.any(axis=1), STEPS[clear.argmax(axis=1)], 0.0)
 
 
-# ---- directions that constraints keep: head, hands and feet turned as the source's, or with their front to a direction
+# ---- direction constraints: head, hands and feet turned as in the source, or with their front in a given direction
 
 
 def with_looks(posed: Motion, constraints: Constraints, body: Body) -> Motion:
-    """Return a motion of the target's body with parts turned as constraints say, and all that they carry with them."""
+    """Return the motion with the parts of direction constraints turned, and all that they carry with them."""
     clip = constraints.clip
     for constraint in constraints:
         if isinstance(constraint.entry, Look):
@@ -255,14 +253,14 @@ def with_looks(posed: Motion, constraints: Constraints, body: Body) -> Motion:
 
 
 def front_of(body: Body, motion: Motion, joint: int) -> Array:
-    """(frames, 3), where the front of a joint points, as in the reference pose the body's does."""
+    """(frames, 3), the direction of a joint's front, which in the reference pose is the front of the body."""
     pose = body.reference
     front = Rotation.from_quat(pose.rotations[joint]).inv().apply(pose.axes[:, 2])
     return np.asarray(Rotation.from_quat(motion.world_rotations_of(joint)).apply(front))
 
 
 def _facing(turned: Rotation, direction: Place, now: Array) -> Rotation:
-    """The rotations of a joint turned the shortest way so that its front, which points to `now`, has a direction."""
+    """World rotations of a joint, turned by the least rotations from its present front, `now`, to a direction."""
     goal = np.broadcast_to(np.array(direction, float), now.shape)
     return Rotation.from_quat(least_rotation(now, goal)) * turned
 
@@ -271,17 +269,16 @@ def _turned(posed: Motion, joint: int, goal: Rotation, weight: Array) -> Motion:
     """The motion with a joint turned towards world rotations, by a weight from 0 to 1 in each frame."""
     on, parent = weight > 0.0, posed.skeleton.parents[joint]
     world = Rotation.from_quat(posed.world_rotations[on, joint])
-    way = (goal[on] * world.inv()).as_rotvec()
-    turned = Rotation.from_rotvec(weight[on, None] * way) * world
+    turned = Rotation.from_rotvec(weight[on, None] * (goal[on] * world.inv()).as_rotvec()) * world
     above = Rotation.from_quat(posed.world_rotations[on, parent]) if joint else None
     rotations = np.array(posed.rotations)
     rotations[on, joint] = (above.inv() * turned if above else turned).as_quat()
     return replace(posed, rotations=rotations)
 
 
-def _unwound(turns: Rotation, weight: Array) -> Array:
-    """The rotation vectors, (frames, 3), of turns that go on the same way round from frame to frame, by more than half
-    a turn if need be, but not where the weight, (frames,), is largest.
+def _unwrapped(turns: Rotation, weight: Array) -> Array:
+    """The rotation vectors, (frames, 3), of rotations, continuous over time: their angles may exceed 180 degrees, but
+    are less on most frames in which the weight, (frames,), is largest.
     """
     q = continuous(turns.as_quat()[:, None])[:, 0]
     q *= 1.0 if np.median(q[weight == weight.max(), 3]) >= 0.0 else -1.0

@@ -1,7 +1,7 @@
-"""User constraints as springs and supports: contacts, distances and planted parts, and by how much they are off.
+"""User constraints as springs and supports: contacts, distances and planted parts, and how far a motion misses them.
 
-A spring brings its joints the share s of the way from the rotation copy to what its constraint says, however stiff the
-body:
+A spring of weight s brings the offset of its joints by the share s from the rotation copy's to the constraint's,
+however stiff the body:
 
     A = (M (1 - s) / s + I / k)^-1,
 
@@ -30,12 +30,12 @@ from distretarget.objectives.mesh_gaps import FARTHEST
 from distretarget.objectives.skin import SkinGap
 from distretarget.objectives.supports import STIFFNESS, Supports
 from distretarget.skin.balls import nearest_skin
-from distretarget.skin.capsules import IS_ARM, PLACE
+from distretarget.skin.capsules import GROUP, IS_ARM
 
-BETWEEN_SPAN = 0.3  # what is to be between joints is averaged over this time before and after [s]
-FACING = 0.1  # and where skins face each other over this [s]
-SEEN = 7  # frames that show how far skins are apart, about
-LEAST_LENGTH = 1e-6  # joints that are nearer have no direction to each other [body units]
+OFFSET_SPAN = 0.3  # target offsets of joints are averaged over this time before and after [s]
+FACING = 0.1  # directions from skin to skin are averaged over this time before and after [s]
+SEEN = 7  # about this many frames decide the gap between anchors
+LEAST_LENGTH = 1e-6  # joints that are nearer to each other have no direction between them [body units]
 
 
 def with_constraints(
@@ -47,64 +47,65 @@ def with_constraints(
 ) -> Supports:
     """Return supports with those of user constraints; `skins` and `undersides` are None for bodies without thickness.
 
-    `offsets`, (frames, 3) each [body units], are what is to be between the joints of each constraint, if that is known.
+    `offsets`, (frames, 3) each [body units], are the target offsets between the joints of each constraint; None for a
+    constraint whose offset is to be found from the rotation copy.
     """
     springs, clip = [supports.user_springs], constraints.clip
     for constraint, offset in zip(constraints, offsets, strict=True):
         firmness, pair = constraints.firmness(constraint), constraint.pair
         if pair is not None:
             if offset is None:
-                now = between(clip.copy, pair, clip)
-                offset = now + off_by(constraints, constraint, clip.copy, supports, skins)
-            springs.append(_spring(clip, pair, clip.averaged(offset, BETWEEN_SPAN), firmness))
+                now = joint_offset(clip.copy, pair, clip)
+                offset = now + correction(constraints, constraint, clip.copy, supports, skins)
+            springs.append(_spring(clip, pair, clip.averaged(offset, OFFSET_SPAN), firmness))
         elif isinstance(constraint.entry, Plant) and not constraint.entry.keep:
-            let_go = firmness[:, None] * np.isin(supports.joints, constraint.joints[0])
-            supports = replace(supports, weights=supports.weights * (1.0 - let_go))
+            released = firmness[:, None] * np.isin(supports.joints, constraint.joints[0])
+            supports = replace(supports, weights=supports.weights * (1.0 - released))
         elif isinstance(constraint.entry, Plant):
             supports = _planted(supports, clip, constraint, firmness, undersides, skins)
     return replace(supports, user_springs=joined(*springs))
 
 
-def between(motion: Motion, pair: tuple[int, int], clip: Clip) -> Array:
-    """(frames, 3), the way from the second joint of a pair to the first [body units]."""
+def joint_offset(motion: Motion, pair: tuple[int, int], clip: Clip) -> Array:
+    """(frames, 3), the offset of the first joint of a pair from the second [body units]."""
     a, b = pair
     return np.asarray((motion.positions[:, a] - motion.positions[:, b]) / clip.unit)
 
 
-def off_by(
+def correction(
     constraints: Constraints, constraint: Constraint, motion: Motion, supports: Supports, skins: Skins | None
 ) -> Array:
-    """Return by how much what is between the joints of a constraint, or the place of a part that is planted on the
-    world, has to change in a motion, (frames, 3) [body units]; 0 for all others.
+    """Return the displacement that a constraint needs in a motion, (frames, 3) [body units]: of its first joint
+    relative to its second, or of a part planted on the world; 0 for all other entries.
     """
     clip, entry, pair = constraints.clip, constraint.entry, constraint.pair
     if pair is None:
         columns = np.flatnonzero(np.isin(supports.joints, constraint.joints[0]) & isinstance(entry, Plant))
         if not len(columns) or not getattr(entry, "keep", False):
             return np.zeros((len(motion), 3))
-        away = supports.places[:, columns] - motion.positions[:, supports.joints[columns]]
-        return np.asarray(away[np.arange(len(motion)), lengths(away).argmax(axis=1)] / clip.unit)
+        needed = supports.places[:, columns] - motion.positions[:, supports.joints[columns]]
+        return np.asarray(needed[np.arange(len(motion)), lengths(needed).argmax(axis=1)] / clip.unit)
     if constraint.anchors is not None and isinstance(entry, Contact):
-        one, other, apart = constraint.anchors
-        gap = constraints.length(float(entry.gap or 0.0)) + apart
-        away = gap * normalised(other.normals(motion) - one.normals(motion))
-        return np.asarray(away - (one.places(motion) - other.places(motion)) / clip.unit)
-    now = between(motion, pair, clip)
+        one, other, gap_offset = constraint.anchors
+        gap = constraints.length(float(entry.gap or 0.0)) + gap_offset
+        apart = gap * normalised(other.normals(motion) - one.normals(motion))
+        return np.asarray(apart - (one.places(motion) - other.places(motion)) / clip.unit)
+    now = joint_offset(motion, pair, clip)
     if isinstance(entry, Plant):
         assert constraint.carrier is not None
-        return _resting_way(clip, constraint, constraint.carrier, motion, pair, skins) - now
+        return _resting_offset(clip, constraint, constraint.carrier, motion, pair, skins) - now
     if isinstance(entry, Contact):
-        if skins is not None and (between_skins := gap_between(constraints, constraint, skins)):
-            return _to_gap(clip, constraint, motion, skins.target, *between_skins)
+        if skins is not None and (of_skins := target_gap(constraints, constraint, skins)):
+            return _gap_change(clip, constraint, motion, skins.target, *of_skins)
         if entry.gap and entry.gap != "source":
-            now = _nearest_way(motion, constraint.joints) / clip.unit
-    far = lengths(now)
-    direction = np.where(far[:, None] > LEAST_LENGTH, normalised(now), clip.up)
-    return np.asarray((_length_to_reach(constraints, entry, pair) - far)[:, None] * direction)
+            now = _nearest_offset(motion, constraint.joints) / clip.unit
+    distance = lengths(now)
+    direction = np.where(distance[:, None] > LEAST_LENGTH, normalised(now), clip.up)
+    return np.asarray((_target_distance(constraints, entry, pair) - distance)[:, None] * direction)
 
 
-def _length_to_reach(constraints: Constraints, entry: Entry, pair: tuple[int, int]) -> Array | float:
-    """The distance that the joints of a pair are brought to, of all frames or (frames,) [body units]."""
+def _target_distance(constraints: Constraints, entry: Entry, pair: tuple[int, int]) -> Array | float:
+    """The distance that a constraint sets between two joints, one for all frames or (frames,) [body units]."""
     if isinstance(entry, Distance):
         return constraints.length(entry.value)
     if isinstance(entry, Contact) and entry.gap != "source":
@@ -116,16 +117,14 @@ def _length_to_reach(constraints: Constraints, entry: Entry, pair: tuple[int, in
     return np.asarray(tau / max(own_tau, LEAST_LENGTH) / clip.unit * source)
 
 
-def with_anchors_apart(constraints: Constraints, motion: Motion, body: BodySkin) -> Constraints:
-    """Return constraints whose anchors are as far apart as the gaps of skin ask for, by a motion that meets them:
-    the fingers of a hand touch before its palm does.
+def with_gaps(constraints: Constraints, motion: Motion, body: BodySkin) -> Constraints:
+    """Return constraints whose anchors have a `gap_offset` with which the least gap between the two skins is the
+    user's, found from a motion that meets them: the fingers of a hand may touch before its palm does.
     """
-    return replace(
-        constraints, every=tuple(_with_anchors_apart(constraints, each, motion, body) for each in constraints)
-    )
+    return replace(constraints, every=tuple(_with_gap(constraints, each, motion, body) for each in constraints))
 
 
-def _with_anchors_apart(constraints: Constraints, constraint: Constraint, motion: Motion, body: BodySkin) -> Constraint:
+def _with_gap(constraints: Constraints, constraint: Constraint, motion: Motion, body: BodySkin) -> Constraint:
     entry, on = constraint.entry, np.flatnonzero(constraint.frames)
     if not constraint.anchors or not isinstance(entry, Contact):
         return constraint
@@ -141,38 +140,38 @@ def _with_anchors_apart(constraints: Constraints, constraint: Constraint, motion
         wanted = np.ones((len(some), len(parts)), bool)
         gaps = body.surface.gaps(some, parts, wanted, FARTHEST * body.unit).min(axis=1) / body.unit
     farther = constraints.length(float(entry.gap or 0.0)) - float(np.median(np.minimum(gaps, FARTHEST)))
-    return replace(constraint, anchors=constraint.anchors._replace(apart=constraint.anchors.apart + farther))
+    return replace(constraint, anchors=constraint.anchors._replace(gap_offset=constraint.anchors.gap_offset + farther))
 
 
 def _touching(body: BodySkin, joint: int) -> Flags:
-    """(joints,), those of a part of an arm, or of all that is one place to be touched with what a joint carries."""
+    """(joints,), a mask of the joints of a joint's segment if that is on an arm, else of its group of segments."""
     own, of_joint = body.of_joint[joint], body.of_joint
-    return np.asarray(of_joint == own if IS_ARM[own] else PLACE[of_joint] == PLACE[own])
+    return np.asarray(of_joint == own if IS_ARM[own] else GROUP[of_joint] == GROUP[own])
 
 
 def eased_gap(constraints: Constraints, constraint: Constraint, skins: Skins, motion: Motion) -> SkinGap | None:
-    """Return the gap that a contact asks for, from that in a motion as it sets in, and back to it as it lets go; None
-    where it asks for none between skins.
+    """Return the gap between skins that a user contact sets, blended by the weight of the contact from the gap in a
+    motion; None if it sets none.
     """
-    between_skins = gap_between(constraints, constraint, skins)
-    if between_skins is None:
+    of_skins = target_gap(constraints, constraint, skins)
+    if of_skins is None:
         return None
-    on, gap = between_skins
+    on, gap = of_skins
     own, _ = nearest_skin(skins.target.balls, skins.target.posed(motion), on)
     return SkinGap(
         on, (1.0 - constraint.weight) * np.maximum(own, 0.0) + constraint.weight * gap, np.sqrt(constraint.weight)
     )
 
 
-def gap_between(constraints: Constraints, constraint: Constraint, skins: Skins) -> tuple[Numbers, Array] | None:
-    """Return the pairs of segments between which a contact asks for a gap, and the gap, (frames,) [body units]; None
-    where it asks for none between skins.
+def target_gap(constraints: Constraints, constraint: Constraint, skins: Skins) -> tuple[Numbers, Array] | None:
+    """Return the segment pairs between which a user contact sets the gap of skins, and the gap, (frames,) [body units];
+    None if it sets none, or between anchors.
     """
-    entry, on = (
-        constraint.entry,
-        skins.target.between(*constraint.joints) if len(constraint.joints) == 2 else np.zeros(0, np.intp),
-    )
-    if not isinstance(entry, Contact) or constraint.anchors or not len(on):
+    entry = constraint.entry
+    if not isinstance(entry, Contact) or constraint.anchors:
+        return None
+    on = skins.target.between(*constraint.joints)
+    if not len(on):
         return None
     if entry.gap != "source":
         return on, np.full(len(constraints.clip), constraints.length(float(entry.gap or 0.0)))
@@ -182,41 +181,41 @@ def gap_between(constraints: Constraints, constraint: Constraint, skins: Skins) 
     return on, np.maximum(gaps, 0.0) if len(of_source) else np.zeros(len(gaps))
 
 
-def _to_gap(clip: Clip, constraint: Constraint, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
-    """(frames, 3), how far the first part of a contact has to go for this gap at the pairs `on` [body units]."""
+def _gap_change(clip: Clip, constraint: Constraint, motion: Motion, body: BodySkin, on: Numbers, gap: Array) -> Array:
+    """(frames, 3), the displacement of a contact's first part that gives the pairs `on` this gap [body units]."""
     own, away = nearest_skin(body.balls, body.posed(motion), on, body.of_joint[constraint.joints[0]])
     return np.asarray((gap - own)[:, None] * normalised(clip.averaged(away, FACING)))
 
 
-def _nearest_way(motion: Motion, parts: Sequence[Numbers]) -> Array:
-    """(frames, 3), the way from the second of two parts to the first between the joints that are nearest in a frame."""
-    ways = motion.positions[:, parts[0], None] - motion.positions[:, None, parts[1]]
-    ways = ways.reshape(len(motion), -1, 3)
-    return np.asarray(ways[np.arange(len(motion)), lengths(ways).argmin(axis=1)])
+def _nearest_offset(motion: Motion, parts: Sequence[Numbers]) -> Array:
+    """(frames, 3), the shortest offset of a joint of the first of two parts from a joint of the second."""
+    offsets = motion.positions[:, parts[0], None] - motion.positions[:, None, parts[1]]
+    offsets = offsets.reshape(len(motion), -1, 3)
+    return np.asarray(offsets[np.arange(len(motion)), lengths(offsets).argmin(axis=1)])
 
 
-def _resting_way(
+def _resting_offset(
     clip: Clip, constraint: Constraint, carrier: Carrier, motion: Motion, pair: tuple[int, int], skins: Skins | None
 ) -> Array:
-    """(frames, 3), the way from a joint of the body to the part that rests on it and moves with it [body units]."""
-    own = _turns_of(clip.copy, carrier.joint).inv().apply(between(clip.copy, pair, clip))
+    """(frames, 3), the offset of a part from the joint of the body that it rests on and moves with [body units]."""
+    own = _turns_of(clip.copy, carrier.joint).inv().apply(joint_offset(clip.copy, pair, clip))
     thick = 0.0 if skins is None else sum(skins.target.thickness(joint) for joint in pair)
     offset = thick * normalised(own[constraint.frames].mean(axis=0)[None])[0]
     return np.asarray(_turns_of(motion, carrier.joint).apply(offset))
 
 
-def _spring(clip: Clip, pair: tuple[int, int], way: Array, firmness: Array) -> Springs:
-    """The spring that brings what is between two joints to a way, (frames, 3) [body units]."""
+def _spring(clip: Clip, pair: tuple[int, int], offset: Array, firmness: Array) -> Springs:
+    """The spring that brings two joints to an offset, (frames, 3) [body units]."""
     A = np.zeros((len(clip), 1, 3, 3))
     on = firmness > LEAST_WEIGHT
     s = firmness[on, None, None]
     A[on, 0] = np.linalg.inv(_compliance(clip, pair, on) * (1.0 - s) / s + np.eye(3) / STIFFNESS)
     a, b = pair
-    return Springs(np.array([a]), np.array([b]), way[:, None], A)
+    return Springs(np.array([a]), np.array([b]), offset[:, None], A)
 
 
 def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
-    """M: (frames, 3, 3), displacement of the first joint against the second per force, in some frames."""
+    """M: (frames, 3, 3), the displacement of the first joint relative to the second per force, in the frames `on`."""
     h = part_stiffness(clip)
     bones, skeleton = clip.copy.bones[on] / clip.unit, clip.skeleton
     arms = np.zeros((len(bones), len(h) - 1, 3))
@@ -228,7 +227,7 @@ def _compliance(clip: Clip, pair: tuple[int, int], on: Flags) -> Array:
     return np.asarray(square[:, None, None] * np.eye(3) - np.einsum("fpi,fpj,p->fij", arms, arms, 1.0 / h[:-1]))
 
 
-# ---- parts that are planted on the world, on props and on other performers
+# ---- parts planted on the world, on props and on other performers
 
 
 def _planted(
@@ -239,7 +238,7 @@ def _planted(
     undersides: Undersides | None,
     skins: Skins | None,
 ) -> Supports:
-    """The supports with a part that is planted where `firmness`, (frames,), is 1."""
+    """The supports with a part that is planted with a weight, `firmness`, (frames,)."""
     columns = np.flatnonzero(np.isin(supports.joints[: supports.feet], constraint.joints[0]))
     if not len(columns):
         first = constraint.joints[0][:1]
@@ -250,7 +249,7 @@ def _planted(
     joints, on = supports.joints[columns], np.flatnonzero(constraint.frames)
     copy = clip.copy_on_path(joints)
     goal = _goal(supports, clip, constraint, columns, copy, undersides, skins)
-    edge = np.clip(np.arange(len(clip)), on[0], on[-1])  # outside of its frames it moves with the copy
+    edge = np.clip(np.arange(len(clip)), on[0], on[-1])  # outside of the entry's frames the goal moves with the copy
     goal = copy + (goal - copy)[edge]
     weights, places, w = np.array(supports.weights), np.array(supports.places), firmness[:, None]
     places[:, columns] += w[..., None] * (goal - places[:, columns])
@@ -267,20 +266,16 @@ def _goal(
     undersides: Undersides | None,
     skins: Skins | None,
 ) -> Array:
-    """(frames, columns, 3), where planted joints are to be [target file units]; `copy` is where the copy's are."""
-    entry, joints, on, is_foot = (
-        constraint.entry,
-        supports.joints[columns],
-        constraint.frames,
-        columns[0] < supports.feet,
-    )
+    """(frames, columns, 3), the places of planted joints [target file units]; `copy` are their places in the copy."""
+    entry, joints, on = constraint.entry, supports.joints[columns], constraint.frames
     assert isinstance(entry, Plant)
     if constraint.carrier is not None:
         thick = 0.0 if skins is None else skins.target.thickness(int(joints[0])) * clip.unit
         return _carried(constraint.carrier, copy, on, thick)
     here = copy[on].mean(axis=0)
+    is_foot = columns[0] < supports.feet
     if is_foot:
-        places = supports.places[on][:, columns]  # of the sole as it is on the floor
+        places = supports.places[on][:, columns]  # with the sole on the floor
         here = places[lengths(places - places.mean(axis=0)).sum(axis=1).argmin()]
     if not isinstance(entry.on, str):
         here = here - here[0] + np.array(entry.on)
@@ -293,13 +288,13 @@ def _goal(
 
 
 def _carried(carrier: Carrier, copy: Array, on: Flags, thick: float) -> Array:
-    """(frames, columns, 3), places that move with what they rest on, `thick` above its surface."""
+    """(frames, columns, 3), places that move with a carrier, the first of them `thick` above its surface."""
     assert carrier.motion is not None
     at, turns = carrier.motion.positions[:, carrier.joint], _turns_of(carrier.motion, carrier.joint)
-    ways = np.stack([turns.inv().apply(x - at)[on].mean(axis=0) for x in copy.swapaxes(0, 1)])
-    surface, out = carrier.nearest(ways[0])
-    ways += surface + (thick + carrier.radii[carrier.joint]) * out - ways[0]
-    return np.stack([at + turns.apply(way) for way in ways], axis=1)
+    offsets = np.stack([turns.inv().apply(x - at)[on].mean(axis=0) for x in copy.swapaxes(0, 1)])
+    surface, out = carrier.nearest(offsets[0])
+    offsets += surface + (thick + carrier.radii[carrier.joint]) * out - offsets[0]
+    return np.stack([at + turns.apply(offset) for offset in offsets], axis=1)
 
 
 def _turns_of(motion: Motion, joint: int) -> Rotation:

@@ -1,4 +1,4 @@
-"""How the entries of a contact list apply to a clip: their joints and frames, and whether they suit it."""
+"""User constraints: the entries of a contact list applied to a clip, with their joints, frames and weights, checked."""
 
 from __future__ import annotations
 
@@ -22,49 +22,49 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import BLEND as FOOT_BLEND
 
 NO_OTHERS: Mapping[str, Carrier] = {}
-TURNED = ("head", "hand", "foot")  # parts whose direction can be kept
+TURNED = ("head", "hand", "foot")  # parts whose direction a user can set
 ADULT = 170.0  # the body unit of an adult, twice the leg's length [cm]
-UNITS = (100.0, 1.0, 0.1, 2.54 / 0.45)  # m, cm, mm, and that of the CMU data base [cm]
+UNITS = (100.0, 1.0, 0.1, 2.54 / 0.45)  # units that files use: m, cm, mm, and that of the CMU data base [cm]
 
 
 def _away(place: Array) -> tuple[Array, Array]:
-    """A joint itself, and the direction from it to a place, (3,)."""
+    """`Carrier.nearest` of a joint without a surface: the joint itself, and the direction from it to a place, (3,)."""
     return np.zeros(3), normalised(place[None])[0]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Carrier:
-    """What a part rests on and moves with: a joint of the body itself or of another performer, or a prop."""
+    """What a planted part rests on and moves with: a joint of the body itself or of another performer, or a prop."""
 
     motion: Motion | None = None  # in the target's world; None for the body itself
     joint: int = 0
-    is_whole: bool = False  # whether it is named as a whole, as a prop is, and not by a joint
+    is_whole: bool = False  # whether an entry names it as a whole, like a prop, and not by a joint
     radii: tuple[float, ...] = (0.0,)  # of the skin about its joints [target file units]
-    # the place on its surface nearest to a place, (3,), both relative to the joint as it is turned, and the direction
-    # out of it there [target file units]
+    # maps a place, (3,), to the nearest place on its surface and the surface's normal there; places are in the axes of
+    # the joint, relative to it [target file units]
     nearest: Callable[[Array], tuple[Array, Array]] = _away
 
 
 class Anchors(NamedTuple):
-    """Where on the skin of two parts a contact is."""
+    """The two points of a contact, each on the skin of its part."""
 
     one: SkinPoint
     other: SkinPoint
-    apart: float = 0.0  # how far they are from each other while skins touch there [body units]
+    gap_offset: float = 0.0  # their distance while the gap between the two skins is 0 [body units]
 
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """An entry that changes something, on a clip."""
+    """An entry of a contact list that changes the result, on a clip."""
 
     entry: Entry
     joints: tuple[Numbers, ...]  # the target's joints of each part
-    frames: Flags  # (frames,)
-    weight: Array  # (frames,), how far it is met, 0 to 1: its firmness in these frames, blended to 0
-    lead: int  # it sets in and lets go over so many frames
+    frames: Flags  # (frames,), where it holds
+    weight: Array  # (frames,), blend weight: its firmness in these frames, blended to 0 around them
+    lead: int  # the number of frames over which the weight rises before these frames, and falls after them
     carrier: Carrier | None  # what a part is planted on
-    pair: tuple[int, int] | None  # the two joints that it is between; None where the world is the other
-    anchors: Anchors | None = None  # where on the skin of each part it is, if it says so
+    pair: tuple[int, int] | None  # the joints whose offset it sets; None for drops, directions and parts on the world
+    anchors: Anchors | None = None  # the points of a contact, if the entry has them
 
     @property
     def drops(self) -> bool:
@@ -74,7 +74,7 @@ class Constraint:
 
 @dataclass(frozen=True, eq=False)
 class Constraints:
-    """The entries of a contact list that change something, on a clip."""
+    """The entries of a contact list that change the result, on a clip."""
 
     clip: Clip
     every: tuple[Constraint, ...]
@@ -94,11 +94,12 @@ class Constraints:
         blend: float,
         others: Mapping[str, Carrier] = NO_OTHERS,
     ) -> Constraints:
-        """Return the entries on a clip whose target has a `skin`; they set in over twice `blend` [s], and let go over
-        as much. `others` are the performers and props that parts may rest on, by their names.
+        """Return the constraints of a contact list on a clip whose target has a `skin`. Their weights rise and fall
+        over twice `blend` [s]. `others` are the performers and props that parts may rest on, by name.
 
-        A ContactsError says which entry names what is not there, goes beyond the clip, contradicts another, or asks for
-        a distance that the body cannot have.
+        Raises:
+            ContactsError: an entry names a joint, part or prop that does not exist, goes beyond the clip, contradicts
+                another, or sets a distance that the bones do not allow.
         """
         found = []
         for entry in contacts:
@@ -123,43 +124,43 @@ class Constraints:
 
     @property
     def drops(self) -> Constraints:
-        """Those that only drop a contact."""
+        """The constraints that only drop a contact."""
         return replace(self, every=tuple(constraint for constraint in self if constraint.drops))
 
     @property
     def made(self) -> Constraints:
-        """All others."""
+        """All constraints but drops."""
         return replace(self, every=tuple(constraint for constraint in self if not constraint.drops))
 
     @property
     def dropped(self) -> tuple[DroppedContact, ...]:
-        """The contacts that are only dropped; of made ones, what was found between the parts is dropped as well."""
+        """The found contacts that are dropped: those of drops, and those between the parts of user contacts."""
         among = [constraint for constraint in self if isinstance(constraint.entry, Contact)]
         spans = (constraint.frames if constraint.drops else constraint.weight > 0.0 for constraint in among)
         return tuple(DroppedContact(constraint.joints, on) for constraint, on in zip(among, spans, strict=True))
 
     @property
     def on(self) -> Flags:
-        """(frames,), the frames of any."""
+        """(frames,), where any constraint holds."""
         return np.asarray(np.any([np.zeros(len(self.clip), bool), *(constraint.frames for constraint in self)], axis=0))
 
     @property
     def rest_on_body(self) -> bool:
-        """Whether any asks for a part that rests on another of the same body."""
+        """Whether any constraint plants a part on another of the same body."""
         return any(isinstance(constraint.entry, Plant) and constraint.pair for constraint in self)
 
     @property
     def share(self) -> Array:
-        """(frames,), the weight of the solution with all constraints, 0 to 1, in its blend with that without."""
+        """(frames,), the blend weight of the solution with all constraints against the one without, 0 to 1."""
         return np.asarray(np.max([np.zeros(len(self.clip)), *(constraint.weight for constraint in self)], axis=0))
 
     def firmness(self, constraint: Constraint) -> Array:
-        """(frames,), the weight of one entry in the solution with all of them: less than 1 where others weigh more."""
+        """(frames,), the weight of a constraint in the solution with all: its blend weight divided by `share`."""
         return np.divide(constraint.weight, self.share, out=np.zeros(len(self.clip)), where=constraint.weight > 0.0)
 
     @property
     def all_firmness(self) -> list[Array]:
-        """The same of each."""
+        """The `firmness` of each constraint."""
         return [self.firmness(constraint) for constraint in self]
 
     def length(self, cm: float) -> float:
@@ -168,7 +169,7 @@ class Constraints:
 
 
 def _without_neck(body: Body, part: Numbers) -> Numbers:
-    """The joints of a part without the neck's, if it is the head: that is what is to be touched."""
+    """The joints of a part; of the head without the neck's, as contacts are with the head alone."""
     head = body.anatomy.roles.get("head") if body.anatomy else None
     return part if head is None or head not in part else np.intersect1d(part, [*body.skeleton.subtree(head)])
 
@@ -176,7 +177,7 @@ def _without_neck(body: Body, part: Numbers) -> Numbers:
 def _pair_of(
     clip: Clip, entry: Entry, joints: Sequence[Numbers], on: Flags, carrier: Carrier | None
 ) -> tuple[int, int] | None:
-    """`Constraint.pair`: of two parts the joints that are nearest to each other in the rotation copy, on average."""
+    """`Constraint.pair`; of a contact the two driven joints that are nearest to each other in the copy, on average."""
     if isinstance(entry, Distance):
         return int(joints[0][0]), int(joints[1][0])
     if isinstance(entry, Plant) and carrier is not None and carrier.motion is None:
@@ -205,7 +206,7 @@ def _anchors_of(contacts: ContactList, entry: Entry, joints: Sequence[Numbers], 
 
 
 def _eased(on: Flags, frames: int) -> Array:
-    """(frames,), 1 in some frames and 0 farther than `frames` from them, smooth in between."""
+    """(frames,), 1 where `on`, 0 farther than `frames` from there, and smooth in between."""
     weight = widened(on[:, None].astype(float), (frames - 1) // 2)[:, 0]
     return np.where(on, 1.0, np.minimum(weight, 1.0))
 
@@ -213,7 +214,7 @@ def _eased(on: Flags, frames: int) -> Array:
 def _carrier_of(
     contacts: ContactList, clip: Clip, entry: Entry, part: Numbers, others: Mapping[str, Carrier]
 ) -> Carrier | None:
-    """What a part is planted on, if it is a joint or a prop."""
+    """The joint or prop that a part is planted on; None for the floor or a place, and for other entries."""
     if not isinstance(entry, Plant) or not isinstance(entry.on, str) or entry.on in get_args(Ground):
         return None
     name, _, joint = (each.strip() for each in entry.on.partition(":"))
@@ -248,7 +249,7 @@ def _joints_of(contacts: ContactList, clip: Clip, entry: Entry, number: int, nam
 
 
 def _find_joints(clip: Clip, name: str, *, regions: bool) -> Numbers | None:
-    """The target's joints of a region; or its joint of this name, or that which the source's drives; None for none."""
+    """The target's joints of a region, or its joint of this name, or the one that such a joint of the source drives."""
     if regions and name in clip.regions.names:
         return np.flatnonzero(clip.regions.of_joint == clip.regions.names.index(name))
     if name in clip.skeleton.keys:
@@ -259,7 +260,7 @@ def _find_joints(clip: Clip, name: str, *, regions: bool) -> Numbers | None:
 
 
 def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
-    """Return the frames in which an entry holds, (frames,); a ContactsError if they go beyond the clip."""
+    """Return a mask of the frames in which an entry holds, (frames,); a ContactsError if they go beyond the clip."""
     last = len(clip) - 1
     span = entry.frames or (0, last)
     if entry.seconds is not None:
@@ -276,7 +277,7 @@ def frames_of(contacts: ContactList, clip: Clip, entry: Entry) -> Flags:
 
 
 def _check_parts(contacts: ContactList, clip: Clip, entry: Entry, joints: tuple[Numbers, ...]) -> None:
-    """Check that the parts of an entry suit it."""
+    """Check that the parts of an entry differ, are no neighbours, can be turned, or can have its distance."""
     key = entry.key
     if len(joints) > 1 and set(joints[0].tolist()) & set(joints[1].tolist()):
         raise contacts.fault(entry, key, f"{quoted(entry.names)} are the same part of the body")
@@ -304,7 +305,7 @@ def _distance_limits(clip: Clip, a: int, b: int) -> tuple[float, float]:
 
 
 def _check_agree(contacts: ContactList, one: Constraint, other: Constraint) -> None:
-    """Check that two entries do not say different things of the same in the same frames."""
+    """Check that no two entries of a kind set different values for the same parts in the same frames."""
     a, b = one.entry, other.entry
     both = np.flatnonzero(one.frames & other.frames)
     if type(a) is not type(b) or a.parts != b.parts or not len(both):
@@ -317,7 +318,7 @@ def _check_agree(contacts: ContactList, one: Constraint, other: Constraint) -> N
 
 
 def centimetres(unit: float) -> float:
-    """Return how many centimetres a file's unit is: that of `UNITS` in which the body, given by its body unit [file
-    units], is most like an adult's size.
+    """Return how many centimetres a file's unit is: the one of `UNITS` in which a body with this body unit [file units]
+    is nearest to an adult's size.
     """
     return min(UNITS, key=lambda each: abs(math.log(max(unit, 1e-9) * each / ADULT)))

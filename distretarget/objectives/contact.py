@@ -1,4 +1,4 @@
-"""The contact objective: keep self-contacts and supports, and otherwise the rotation copy's rotations.
+"""The contact objective: keeps self-contacts and supports, and otherwise the rotations of the rotation copy.
 
 Per frame it minimises, over the rotations of a body of rigid bones and the displacement of its root,
 
@@ -9,11 +9,11 @@ Per frame it minimises, over the rotations of a body of rigid bones and the disp
   + 1/2                         ROOT_STIFFNESS |root - its path|^2
 
 A pair is pulled to a difference vector, not only to a distance, so that limbs do not swap sides. In a frame without
-contacts and supports the result is the rotation copy. A frame depends only on a few frames around it, except for the
-places of resting joints, which are averaged over about the whole rest.
+contacts and supports the result is the rotation copy. A frame depends on a few frames around it, and on the places of
+resting joints, which are averaged over about the whole rest.
 
-A flip is a change of a part's deviation from the rotation copy that is faster than `FLIP_SPEED` and lasts: frames
-around it get a moving average (raised cosine). Spikes of one or two frames stay. Nothing is averaged across cuts.
+A flip is a lasting change of a part's deviation from the rotation copy that is faster than `FLIP_SPEED`. Frames around
+a flip get a moving average (raised cosine); spikes of one or two frames do not. Nothing is averaged across cuts.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ from distretarget.objectives.supports import Supports, support_springs
 BASE_STIFFNESS = 0.04  # of a part's rotation, per body unit of its bones
 ADDED_LENGTH = 1.0  # added to the length of a part's bones, so that hands, fingers and eyes are stiff too [body units]
 TRUNK_FACTOR = 40.0  # the pelvis, which carries the whole body, is this much stiffer: arms bend before the spine
-END_FACTOR = 5.0  # head, hands and feet are this much stiffer than other parts: arms and legs bring them to a contact
+END_FACTOR = 5.0  # head, hands and feet are this much stiffer than other parts: arms and legs move them to contacts
 LOOSE_FACTOR = 0.1  # undriven fingers, which only the floor moves, are this much softer: they bend before the hand
 FIXED_STIFFNESS = 1e6  # of joints above the pelvis, so that the body does not tip over about a root on the floor
 ROOT_STIFFNESS = 300.0  # of the root's path, so that contacts and feet hardly move the hips
-STRAIGHT = 0.05  # knees of the copy that bend by less than this are straight [rad]; to the solver, ...
-SLIGHT = 0.01  # ... thigh and shin of these are turned by up to this, so that feet bend and stretch them smoothly [rad]
+STRAIGHT = 0.05  # knees of the copy that bend by less than this are straight [rad] ...
+SLIGHT = 0.01  # ... and are bent for the solver: thigh and shin are turned by up to this [rad]
 FLIP_SPEED = 60.0 * math.radians(4.0)  # [rad/s]
-HELD_FLIP_SPEED = 60.0 * math.radians(10.0)  # of parts whose ends rest on something: smoothing moves them [rad/s]
+HELD_FLIP_SPEED = 60.0 * math.radians(10.0)  # of parts above a joint at rest, which smoothing would move [rad/s]
 BLEND = 0.15  # deviations are averaged over this time before and after a flip [s] ...
 LANDING_BLEND = 0.1  # ... and over this where the floor stops a part
 TOLERANCE = 1e-6  # a frame is solved when the search direction is shorter, in the metric of the curvature
@@ -65,8 +65,8 @@ def solve_contact(
     mapper: Mapper = map,
     progress: Progress = ignore_progress,
 ) -> Poses:
-    """Minimise the contact objective in every frame of a clip, solved in chunks by `mapper`; `progress` is called with
-    numbers of solved frames.
+    """Return the poses that minimise the contact objective in every frame of a clip, solved in chunks by `mapper`;
+    `progress` is called with numbers of solved frames.
     """
     margin = SelfContact.of(settings, clip.frame_time).window
     solve = partial(_solve_frames, settings=settings)
@@ -94,7 +94,7 @@ def smooth_flips(v: Array, held: Array, shots: Shots, frame_time: float) -> None
 
 
 def smooth_landings(v: Array, parts: Numbers, shots: Shots, frame_time: float) -> None:
-    """Smooth the floor impacts of `parts`, which only the floor moves, in poses (frames, parts + 1, 3), in place."""
+    """Smooth the floor impacts of `parts` that only the floor moves, in poses (frames, parts + 1, 3), in place."""
     for shot in map(v.__getitem__, slices_of(shots)):
         moved = parts[shot[:, parts].any(axis=(0, 2))]
         if len(moved):
@@ -117,7 +117,7 @@ def _without_spikes(v: Array) -> Array:
 
 
 def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Array:
-    """Return 1 while a joint below a part rests or touches another performer, blended to 0, (frames, parts)."""
+    """Return 1 while a joint below a part rests or touches a performer or a prop, blended to 0, (frames, parts)."""
     held = np.zeros((len(clip), clip.parts.max() + 1))
     holds = [*supports.touches]
     holds += zip(supports.joints.tolist(), supports.weights.T, strict=True) if settings.foot_lock else ()
@@ -130,8 +130,8 @@ def held_parts(clip: Clip, supports: Supports, settings: ContactSettings) -> Arr
 def part_stiffness(clip: Clip) -> Array:
     """h: (parts + 1,), the stiffness of each part's rotation, and last that of the root's path.
 
-    It grows with the length of a part's bones and, far more, with the share of the body below the part. Bones that lead
-    to no driven joint, such as those of a tail, do not count.
+    It grows with the length of a part's bones and, far more, with the share of the body's bone lengths below the part.
+    Bones that lead to no driven joint, such as those of a tail, do not count in that share.
     """
     skeleton, legs, parts = clip.skeleton, clip.target_legs, clip.parts
     carrier = parts[skeleton.parents[1:]]
@@ -179,9 +179,9 @@ def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: Conta
 
 
 def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
-    """(frames, joints, 3), the bones of the rotation copy, where straight knees of feet whose place is not that of the
-    copy are bent as each foot points, and ankles stay in place. No force on a straight leg bends it, although its foot
-    is to come nearer to the hips: it would stay straight up to a larger force, and then snap.
+    """(frames, joints, 3), the bones of the rotation copy with straight knees slightly bent towards where the foot
+    points, ankles in place, in legs whose foot rests elsewhere than in the copy. Otherwise no small force on the foot
+    towards the hips would bend a straight leg; it would stay straight up to a larger force, and then snap.
     """
     bones = clip.copy.bones
     for support, leg in zip(range(0, supports.feet, 2), clip.target_legs or (), strict=False):
@@ -189,11 +189,11 @@ def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
             continue
         thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
         off = lengths(supports.places[:, support] - clip.copy_on_path(np.array([leg.ankle]))[:, 0])
-        moved = supports.weights[:, support] * np.minimum(off / (SLIGHT * lengths(shin)), 1.0)
+        share = supports.weights[:, support] * np.minimum(off / (SLIGHT * lengths(shin)), 1.0)
         down = normalised(shin)
         forward = normalised(perpendicular(foot, down))
         bend = lengths(cross(normalised(thigh), down)) / STRAIGHT
-        aside = SLIGHT * (moved * np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
+        aside = SLIGHT * (share * np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
         thigh += aside
         shin -= aside
     return bones

@@ -1,4 +1,4 @@
-"""Contact pairs: when two joints count as a self-contact, and how firmly it is kept."""
+"""Contact pairs of joints: which pairs are in contact in a frame, and their stiffness."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STIFFNESS = 400.0  # of a pair, over reach / D, with `strength` 1
 
 @dataclass(frozen=True, eq=False)
 class CandidatePairs:
-    """The pairs of points that count as a self-contact when they come close, being far apart along the tree."""
+    """Pairs of points that make a self-contact when they come close, since they are far apart along the tree."""
 
     u: Numbers  # (pairs,), the first point
     v: Numbers  # (pairs,), the second point
@@ -37,9 +37,9 @@ class CandidatePairs:
     passing: Flags  # (pairs,), whether the pair joins feet or shins, which pass each other in a stride
 
     def without(self, some: Flags) -> CandidatePairs:
-        """Return the pairs but those of some joints, (joints, joints)."""
-        kept = ~some[self.a, self.b]
-        return CandidatePairs(*(getattr(self, field.name)[kept] for field in fields(self)))
+        """Return the candidates without those of some pairs of joints, a mask, (joints, joints)."""
+        others = ~some[self.a, self.b]
+        return CandidatePairs(*(getattr(self, field.name)[others] for field in fields(self)))
 
 
 def candidate_pairs(
@@ -70,21 +70,21 @@ def candidate_pairs(
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class ContactSearch:
-    """What the contact pairs of a clip are found from."""
+    """Finds the contact pairs of a clip, block by block."""
 
     pairs: CandidatePairs
     source: Array  # (frames, points, 3), the points of the source [file units]
     copy: Array  # (frames, points, 3), those of the rotation copy [body units]
     shots: Shots  # (frames,)
-    raised: Array  # (frames, points), 1 while the arm of each is raised or bent
+    raised: Array  # (frames, points), `Clip.raised_arms`
     frame_time: float  # [s]
     settings: ContactSettings
     regions: int  # the number of body regions
-    drops: tuple[DroppedContact, ...] = ()  # contacts that do not count
+    drops: tuple[DroppedContact, ...] = ()  # contacts that the user drops
 
     @classmethod
     def of(cls, clip: Clip, settings: ContactSettings, points: Flags | None = None) -> ContactSearch:
-        """Return it for all contact pairs of a clip, or for those of two of the `points`, (points,)."""
+        """Return the search for all contact pairs of a clip, or for those among some `points`, a mask, (points,)."""
         distances = clip.distances
         points = np.ones(len(distances), bool) if points is None else points
         # One layout of arrays, for which the solver is compiled once.
@@ -105,8 +105,8 @@ class ContactSearch:
         )
 
     def near(self, block: slice, held: Supports) -> NearPairs:
-        """Return the pairs in contact in a block, in which `held` rests: what lies between two parts that rest on the
-        world is where these are placed, and no contact.
+        """Return the contact pairs of a block of frames with the supports `held`. Pairs between two body regions that
+        both rest on the world are no contacts, since their supports place them.
         """
         pairs, contact = self.pairs, SelfContact.of(self.settings, self.frame_time)
         first = max(block.start - contact.window, 0)
@@ -117,17 +117,17 @@ class ContactSearch:
         on = np.flatnonzero(come_near(source, source, pairs.u, pairs.v, apart * pairs.tau1))
         u, v, a, b = pairs.u[on], pairs.v[on], pairs.a[on], pairs.b[on]
         D, least = least_distances(source, source, u, v, pairs.tau1[on], self.shots[around])
-        kept = np.ones_like(D)
+        enabled = np.ones_like(D)
         for drop in self.drops:
-            kept[np.ix_(drop.frames[around], drop.matches(a, b))] = 0.0
+            enabled[np.ix_(drop.frames[around], drop.matches(a, b))] = 0.0
         arms = np.maximum(raised[:, u], raised[:, v])
-        f = contact.activation(least, pairs.hanging[on], arms, self.shots[around], kept)[inside]
+        f = contact.activation(least, pairs.hanging[on], arms, self.shots[around], enabled)[inside]
         f[:, pairs.passing[on]] *= (1.0 - held.standing)[:, None]
         one, other = held.of_regions(self.regions)[:, pairs.regions[on]].transpose(2, 0, 1)
         f *= 1.0 - one * other
         D = D[inside]
         w = pair_stiffness(f, D, (u, v), source.shape[1], self.settings)
-        w /= 1.0 + np.square(np.square(D / self.settings.reach))  # sooner than the fourth power
+        w /= 1.0 + np.square(np.square(D / self.settings.reach))  # faster than **4
         d_source, d_copy = (
             np.take(points, u, axis=1) - np.take(points, v, axis=1) for points in (source[inside], self.copy[block])
         )
@@ -135,8 +135,8 @@ class ContactSearch:
 
 
 def pair_stiffness(f: Array, D: Array, ends: tuple[Numbers, Numbers], points: int, settings: ContactSettings) -> Array:
-    """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs), whose
-    `ends`, (pairs,) each, are numbers of `points` points.
+    """w: (frames, pairs), the stiffness of pairs with activations f and normalised distances D, (frames, pairs); `ends`
+    are the indices of their two points, (pairs,) each, among `points` points.
 
     An activation is divided by sqrt((1 + F_u) (1 + F_v)), where F is the sum of the activations of a point: a point
     close to a cluster of points is pulled about as strongly as one close to a single point.

@@ -1,9 +1,10 @@
 """The terms of the contact objective in a frame: springs of contact pairs and of supports, and the floor. Compiled.
 
-    1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (d_kept - d_copy)
+    1/2 w r^T (k I + (1 - k) e e^T) r,   r = x_u - x_v - delta,   delta = d_copy + f (d_scaled - d_copy)
 
-is the energy of a contact pair; d_kept the difference that keeps it, tau2 / tau1 d_source between bodies without skin;
-f is the activation, 0 to 1; w the stiffness; e the direction of d_kept; k w the stiffness perpendicular to e.
+is the energy of a contact pair, with d_copy the difference of its two points in the rotation copy, and d_scaled =
+tau2 / tau1 d_source the source's difference, scaled; f is the activation, 0 to 1; w the stiffness; e the direction of
+d_scaled; k w the stiffness perpendicular to e.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from distretarget.ik.springs import NEGLIGIBLE, FrameSprings, Springs, is_neglig
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, F3, I1, Array
 
-WITHIN = 0.05  # a pair that asks the rotation copy to change by more than this pulls with a bounded force [body units]
+LINEAR_RANGE = 0.05  # beyond this difference from the rotation copy a pair's force hardly grows [body units]
 TOUCH = 0.005  # [D] added to D before the stiffness is divided by it, which keeps touching pairs finite
 DIRECTION_RANGE = 0.08  # pairs closer than about this keep their direction as well as their distance [body units]
 
@@ -31,8 +32,8 @@ class NearPairs(NamedTuple):
     b: I1  # (pairs,), the target's joint at v
     u: I1  # (pairs,), the first point
     v: I1  # (pairs,), the second point
-    kept: F3  # (frames, pairs, 3), the difference x_u - x_v that keeps the contact [body units]
-    copied: F3  # (frames, pairs, 3), that of the rotation copy [body units]
+    scaled: F3  # (frames, pairs, 3), d_scaled, the difference x_u - x_v that keeps the contact [body units]
+    copied: F3  # (frames, pairs, 3), d_copy, the difference in the rotation copy [body units]
     f: F2  # (frames, pairs), activation
     w: F2  # (frames, pairs), stiffness
 
@@ -63,18 +64,18 @@ def share_across(square):  # type: ignore[no-untyped-def]
 
 @inlined(fastmath=True)
 def write_pair_spring(near: NearPairs, frame: int, pair: int, rest: Array, A: Array) -> None:
-    """Write the spring of a pair in a frame: its rest vector d_copy + f (d_kept - d_copy) to `rest`, (3,), and its
-    stiffness, w along d_kept and k w perpendicular to it (`share_across`), to `A`, (3, 3).
+    """Write the spring of a pair in a frame: its rest vector d_copy + f (d_scaled - d_copy) to `rest`, (3,), and its
+    stiffness, w along d_scaled and k w perpendicular to it (`share_across`), to `A`, (3, 3).
 
-    The stiffness is bounded by the length c of the change that the pair asks for, f |d_kept - d_copy|: it is divided by
-    (1 + (c / WITHIN)^4)^(1/4). So contacts in reach are firm, and others hardly bend the body.
+    With c the distance f |d_scaled - d_copy| of the rest vector from the copy, the stiffness is divided by
+    (1 + (c / LINEAR_RANGE)^4)^(1/4), which bounds the force: contacts in reach are firm, others hardly bend the body.
     """
-    d, f, w, change = near.kept[frame, pair], near.f[frame, pair], near.w[frame, pair], 0.0
+    d, f, w, change = near.scaled[frame, pair], near.f[frame, pair], near.w[frame, pair], 0.0
     for i in range(3):
-        asked = f * (d[i] - near.copied[frame, pair, i])
-        rest[i] = near.copied[frame, pair, i] + asked
-        change += asked * asked
-    change /= WITHIN * WITHIN
+        step = f * (d[i] - near.copied[frame, pair, i])
+        rest[i] = near.copied[frame, pair, i] + step
+        change += step * step
+    change /= LINEAR_RANGE * LINEAR_RANGE
     w /= np.sqrt(np.sqrt(1.0 + change * change))
     square = d[0] * d[0] + d[1] * d[1] + d[2] * d[2]
     across = w * share_across(square)
@@ -89,7 +90,7 @@ class ContactFrames(NamedTuple):
     """The terms of a block of frames."""
 
     near: NearPairs  # contacts in all frames of the block
-    springs: Springs  # those of supports and scene contacts in all frames of the block
+    springs: Springs  # of supports, scene contacts and user constraints in all frames of the block
     floor: FloorSprings  # the floor in all frames of the block
     room: FrameSprings  # scratch for the springs of one frame
 
@@ -97,7 +98,7 @@ class ContactFrames(NamedTuple):
 class ContactTerms(NamedTuple):
     """The terms of one frame."""
 
-    springs: FrameSprings  # those of contacts and supports, then room for a spring per joint that the floor pushes up
+    springs: FrameSprings  # of contacts and supports, then room for a spring per joint that the floor pushes up
     acting: int  # the number of springs in use
     floor: FrameFloor  # the floor in this frame
 
@@ -121,7 +122,7 @@ def _terms_of(given: ContactFrames, frame: int, start: Array) -> ContactTerms:  
 
 @inlined(fastmath=True)
 def _write_springs(near: NearPairs, springs: Springs, frame: int, room: FrameSprings) -> int:
-    """Write the springs that act in a frame to `room`; return how many they are."""
+    """Write the springs that act in a frame to `room`; return their number."""
     count = 0
     for pair in range(len(near.a)):
         if near.w[frame, pair] >= NEGLIGIBLE:

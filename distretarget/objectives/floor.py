@@ -1,4 +1,4 @@
-"""The floor while the body rests on something: which joints stay above it, how high, and the root with them."""
+"""The floor while the body rests on something: the heights that joints keep above, and how the root rises for them."""
 
 from __future__ import annotations
 
@@ -21,19 +21,19 @@ from distretarget.objectives.supports import Supports
 STIFFNESS = 500.0  # k, shared by the parts of a region
 NEAR_FLOOR = 0.3  # joints that never come closer to the floor than this in the rotation copy are left out [leg lengths]
 ROOT_BLEND = 0.2  # the root rises over about twice this time, and sinks back over as long [s]
-FLOOR_SPAN = 0.16  # the floor of a frame is the lowest within this time before and after it [s]
+FLOOR_SPAN = 0.16  # the floor of a frame is the lowest joint within this time before and after it [s]
 
 
 class Flesh(NamedTuple):
     """Joints of trunk and head whose skin may be near the floor while something rests."""
 
     joints: Numbers  # (joints,), joints of the target
-    heights: Array  # (frames, joints), those at which their lowest skin is as low as the soles [target file units]
+    heights: Array  # (frames, joints), at which their lowest skin is as low as the soles [target file units]
 
 
 def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Flesh:
-    """Return the joints of trunk and head near the floor, if skins are known; `weights` as in `find_floor_springs`. The
-    joints at the tops of the legs are left out: the skin about them is on thighs, which go where the feet are placed.
+    """Return the joints of trunk and head near the floor, none without skin; `weights` as in `find_floor_springs`. The
+    hip joints are left out: the skin about them is on the thighs, which the feet place.
     """
     if undersides is None or not clip.legs:
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
@@ -51,7 +51,8 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
 def rise_of_flesh(clip: Clip, supports: Supports, flesh: Flesh) -> Array:
     """Return how much the root rises, (frames,), so that the skin of trunk and head is no lower than the soles while
     something other than a foot rests [target file units]: a large head in a cartwheel, a belly in a push-up. It rises
-    no farther than the legs of resting feet reach: what is missing then is the trunk's, as is all on feet alone.
+    no farther than the legs of resting feet reach; the trunk has to bend for the remainder. On feet alone it does not
+    rise.
     """
     low = flesh.heights - clip.copy_on_path(flesh.joints) @ clip.up
     rise: Array = supports.beside_feet * low.max(axis=1, initial=0.0)
@@ -64,8 +65,8 @@ def rise_of_flesh(clip: Clip, supports: Supports, flesh: Flesh) -> Array:
 
 
 def _room_of_legs(clip: Clip, supports: Supports) -> Array:
-    """(frames, legs), how much higher the hips can go until each leg is straight to the place of its ankle; 0 if it
-    does not reach that [target file units].
+    """(frames, legs), how much the hips can rise until each leg is straight, with its ankle at its support; 0 where the
+    leg is too short already [target file units].
     """
     hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs], np.intp))
     legs = hips - supports.places[:, : supports.feet : 2]
@@ -76,12 +77,12 @@ def _room_of_legs(clip: Clip, supports: Supports) -> Array:
 def find_floor_springs(
     clip: Clip, weights: Array, undersides: Undersides | None = None, flesh: Flesh | None = None
 ) -> FloorSprings:
-    """Return the heights that joints other than the feet's stay above while something rests.
+    """Return the heights that joints other than the feet's keep above while something rests.
 
-    The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint stays as high above
-    it as the source's joint, scaled, but at most `REST_HEIGHT`, and `flesh` as high as its skin asks; an undriven joint
-    may be as low as the floor; where the skin is known, its skin as low as the soles. The parts of a
-    region share `STIFFNESS` (`_shares`). `weights`, (frames, supports), is how firmly each support rests, 0 to 1.
+    The floor is at the height of the source's lowest joint around the frame, scaled. A driven joint keeps as high above
+    it as the source's joint, scaled, but at most `REST_HEIGHT`; joints of `flesh` at least at the heights given there.
+    An undriven joint may be as low as the floor; where the skin is known, its skin may be as low as the soles. The
+    parts of a region share `STIFFNESS` (`_shares`). `weights`, (frames, supports), are those of the supports, 0 to 1.
     """
     if not clip.legs:
         return no_floor(len(clip))
@@ -109,9 +110,9 @@ def find_floor_springs(
 
 
 def _shares(clip: Clip, joints: Numbers) -> Array:
-    """(joints,), the number of shares of `STIFFNESS` of which each joint gets one: as many as parts carry joints of its
-    region, since a part may lie on any one of them, as a palm on the knuckle of its little finger. Fingers that only
-    the floor moves give way: each of their joints counts.
+    """(joints,), the divisor of `STIFFNESS` for each joint: the number of parts that carry joints of its region, since
+    a part may lie on any one of its joints, as a palm on the knuckle of the little finger. For fingers that only the
+    floor moves, which yield, it is the number of the region's joints.
     """
     regions, parts = clip.regions.of_joint[joints], clip.parts[clip.skeleton.parents[joints]]
     loose, shares = np.isin(parts, clip.loose_parts), np.empty(len(joints))
@@ -122,7 +123,7 @@ def _shares(clip: Clip, joints: Numbers) -> Array:
 
 
 def _height_of_floor(clip: Clip) -> Array:
-    """(frames, 1), the height of the source's lowest joint around each frame, scaled [target file units]: neither feet
-    that leave the floor nor a faulty frame raise it.
+    """(frames, 1), the height of the source's lowest joint within `FLOOR_SPAN` of each frame, scaled [target file
+    units]. So neither feet that leave the floor for a moment nor a faulty frame raise it.
     """
     return clip.scale.heights(-largest(-clip.source_floor[:, None], round(FLOOR_SPAN / clip.frame_time)))

@@ -9,16 +9,15 @@ source's does, and its sole meets the floor as the source's does:
     wider = (copied hip joint - middle of the copied hips) - scale (the same of the source), along the floor
     ankle = toe + copied foot
 
-So the sole has the source's height, scaled. What is steadied is its mean while the source's foot stands still, and may
-change as far as the source's foot slides: the leg is on average splayed as the source's, and the foot does not skate.
-a is 0 while the foot rolls about its toe and 1 while it turns about its ankle: a trembling foot leaves that still.
-Feet that stand beside each other under narrow hips come no nearer than a foot's width. The legs of animals have more
-bones, which say where feet stand: the mean of the copied toe less the source's, scaled, is taken there.
+So the sole has the source's height, scaled. "Steadied" is the mean over the time for which the source's foot stands
+still; it may change as far as the source's foot slides. So legs are on average splayed as the source's, and feet do not
+skate. a is 0 while the foot rolls about its toe and 1 while it turns about its ankle, which then stays in place. Feet
+that stand beside each other under narrow hips come no nearer than a foot's width. Legs of animals have more bones,
+which decide where feet stand: there "longer + wider" is the copied toe less the source's, scaled.
 
-While a foot of the source rests, its sole lies on what it rests on: it does not rise or sink, and on a level floor it
-is as high as any other (`level_on_floor`). The height of a sole as
-computed from joints drifts, so it is smoothed within each rest. From
-one rest to the next the offset of the sole from its level is interpolated.
+While a foot of the source rests, its sole does not rise or sink, and on a level floor all soles are equally high
+(`level_on_floor`). The height of a sole computed from joints drifts, so it is smoothed within each rest. From one rest
+to the next the offset of the sole from its level is interpolated.
 """
 
 from __future__ import annotations
@@ -44,13 +43,13 @@ from distretarget.numerics.vectors import Array, Flags, lengths, level, normalis
 from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports, no_supports
 
-REST_BLEND = 0.06  # where feet stand on their mesh, the hips bend over this time from the height of one rest [s]
+REST_BLEND = 0.06  # smoothing time of the height of the hips between rests, of feet that stand on their mesh [s]
 FOOT_WIDTH = 0.11  # 0.055 of the body's height, of which legs are 0.49 (Winter, metric 4.1) [leg lengths]
 ROLL = 0.05  # height over which the lowest point of the sole rolls from heel to toe [leg lengths]
-WAY = 0.1  # a place is averaged over about the way that a foot which does not stand still moves meanwhile [leg lengths]
-STILL = 1e-5  # a foot counts as moving at least as far as this in each frame [leg lengths]
+PATH_SPAN = 0.1  # the place of a sliding foot is averaged over about this length of its path [leg lengths]
+STILL = 1e-5  # the least step per frame of a foot that is divided by [leg lengths]
 SPEED_SPAN = 0.05  # speeds of feet are averaged over this time before and after [s]
-LITTLE = 1e-3  # weight of a foot that hardly rests
+LEAST_WEIGHT = 1e-3  # added to the weights of feet, so that means exist where no foot rests
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +64,7 @@ class Foot:
 
     @classmethod
     def of(cls, motion: Motion, leg: Leg, sole: Sole, up: Array, length: float) -> Foot:
-        """The foot of a leg in a motion; `length` is that of the legs [file units]."""
+        """Return the foot of a leg in a motion; `length` is the leg length [file units]."""
         positions = motion.positions
         toe = positions[:, leg.toe]
         bone = positions[:, leg.ankle] - toe
@@ -80,13 +79,13 @@ class Foot:
 
 
 def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports:
-    """Return the feet at rest in the source, and where they belong on the target, by the skins if known."""
+    """Return the supports of feet: when the source's rest, and the places of the target's, by their mesh if known."""
     if not clip.legs:
         return no_supports(len(clip))
     length = clip.leg_lengths[0]
 
     def foot(pair: LegPair) -> tuple[Array, Array, Foot, Foot]:
-        """How much ankle and toe rest and their weights, (frames, 2), and the foot of source and rotation copy."""
+        """How much ankle and toe rest, and that widened, (frames, 2) each; the foot in source and rotation copy."""
         rests = feet_resting(clip.source, pair.source, clip.up, length, clip.shots)
         weights = clip.widened(rests, BLEND)
         source = Foot.of(clip.source, pair.source, pair.source_sole, clip.up, length)
@@ -109,20 +108,20 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
 
 
 def _asides(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Sequence[Array]:
-    """How much farther to the side each foot belongs than the source's, scaled, along the floor, (frames, 3) each
-    [target file units]; the foot of an animal, or of another body that is no person's, as far away as the copied one.
+    """The offset along the floor of each foot from the source's place, scaled, (frames, 3) each [target file units]:
+    the widening of a person's stance; on other bodies that of the copied ankle.
     """
     if clip.is_person:
-        wider = _wider(clip, weights, sources, copies)
-        return wider, -wider
+        widening = _widening(clip, weights, sources, copies)
+        return widening, -widening
     to_path, feet = clip.root - clip.copy.root_positions, zip(sources, copies, strict=True)
     ankles = ((clip.scale.places(foot.toe + foot.bone, clip.up), own.toe + own.bone) for foot, own in feet)
     return [level(own + to_path - scaled, clip.up) for scaled, own in ankles]
 
 
-def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Array:
-    """(frames, 3), how much farther from the middle of the hips the left foot belongs than the source's, scaled, along
-    the floor [target file units]; the right foot belongs as far to the other side.
+def _widening(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]) -> Array:
+    """(frames, 3), the offset along the floor of the left foot from the source's place, scaled, for the width of the
+    target's hips [target file units]; the right foot has the opposite offset.
 
     While both feet rest it is reduced, so that they stay apart by at least `FOOT_WIDTH`, or by their present distance
     if that is less. With the feet apart by r along the unit vector e, and moved apart by d, it is the largest share
@@ -142,13 +141,12 @@ def _wider(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], copies
 
 def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) -> Array:
     """Return how far to raise the hips above the source's height, scaled, because the target's ankles are higher,
-    (frames,) [target file units]: what the resting ankles are higher on average, smoothed. A foot that stands flat
-    counts more than one on its toes. A shot in which no foot rests takes the difference of the soles' ankle heights.
+    (frames,) [target file units]: by the mean over the resting ankles, smoothed. A foot that stands flat counts more
+    than one on its toes. A shot in which no foot rests takes the difference of the soles' ankle heights.
 
-    On one leg the hips are where the hip joint of that leg is: where the pelvis tilts, it is lower in wide hips.
-
-    Feet on their mesh are higher by another amount in each rest: those that have left the floor do not count, and the
-    hips follow from one rest to the next.
+    On one leg the pelvis tilts, and the hip joint of that leg is lower in wide hips than in narrow ones; the hips rise
+    by that, too. Feet that stand on their mesh are raised by another amount in each rest, so feet that have left the
+    floor do not count, and hips change faster between rests.
     """
     if not clip.legs:
         return np.zeros(len(clip))
@@ -161,7 +159,7 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
     rests, blend = (np.where(rests >= RESTS, rests, 0.0), REST_BLEND) if on_mesh else (rests, ROOT_BLEND)
 
     def rise(higher: Array, rests: Array, flat: Array) -> Array:
-        total, weights = rests.sum(axis=1), rests * flat + LITTLE
+        total, weights = rests.sum(axis=1), rests * flat + LEAST_WEIGHT
         mean = np.where(total > 0.0, (weights * higher).sum(axis=1) / weights.sum(axis=1), usual)
         return smoothed(mean[:, None], total, blend / clip.frame_time)[:, 0]
 
@@ -169,9 +167,8 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
 
 
 def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
-    """(frames,), how far the hip joints of the legs that stand are below the source's, scaled [target file units]:
-    where the pelvis tilts on one leg, that leg's joint is lower in wide hips; nothing while no foot rests. `rests`,
-    (frames, legs), is how firmly each foot rests.
+    """(frames,), how far the hip joints of standing legs are below the source's, scaled [target file units]; 0 while no
+    foot rests. `rests`, (frames, legs), are the weights of the feet.
     """
     hips = clip.copy_on_path(np.array([pair.target.hip for pair in clip.legs]))
     higher = _over_source(clip, hips, [pair.source.hip for pair in clip.legs])
@@ -180,12 +177,12 @@ def _rise_on_one_leg(clip: Clip, rests: Array) -> Array:
 
 
 def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
-    """Return the supports with feet where legs reach while something else carries the body as well: a place that is
-    too far from the hips' final path moves to the nearest point that the straight leg reaches. It moves the more, the
-    more the leg is too short beyond the median frame of the same rest, and all the way from `SINK` on. Without this,
-    short legs pull a body down that its hands lift, and let it go with a jolt. Legs that are too short in all of a
-    rest, as in a push-up, are only stretched. On feet alone a leg is short where wide hips tilt: the foot stays on the
-    floor, and the pelvis turns to let it.
+    """Return the supports with the places of feet within reach of the legs while other parts carry the body as well: a
+    place that is too far from the hips' final path moves to the nearest point that the straight leg reaches, by a share
+    that grows with how much more the leg is too short than in the median frame of the same rest, up to 1 from `SINK`
+    on. Otherwise short legs would pull down a body that stands on its hands, and let it go with a jolt. Legs that are
+    too short throughout a rest, as in a push-up, are only stretched. On feet alone, places stay: a leg is too short
+    there where wide hips tilt, and the pelvis turns.
     """
     if not clip.legs:
         return supports
@@ -194,9 +191,9 @@ def feet_within_reach(clip: Clip, supports: Supports) -> Supports:
     beyond = np.maximum(lengths(legs) - length, 0.0)
     rests = supports.weights[:, : supports.feet].reshape(len(clip), -1, 2).max(axis=2) > 0.0
     short = np.where(rests & (supports.beside_feet > 0.0)[:, None], beyond, 0.0) / length
-    gone = clip.widened(smoothstep(by_shot(_over_medians, clip.shots, short, rests) / SINK), BLEND)
+    share = clip.widened(smoothstep(by_shot(_over_medians, clip.shots, short, rests) / SINK), BLEND)
     places = supports.places.copy()
-    places[:, : supports.feet] += np.repeat((gone * beyond)[..., None] * normalised(legs), 2, axis=1)
+    places[:, : supports.feet] += np.repeat((share * beyond)[..., None] * normalised(legs), 2, axis=1)
     return replace(supports, places=places)
 
 
@@ -210,19 +207,19 @@ def _over_medians(values: Array, rests: Flags) -> Array:
 
 
 def _over_source(clip: Clip, places: Array, joints: Sequence[int]) -> Array:
-    """(frames, joints), how much higher places, (frames, joints, 3), are than joints of the source, scaled."""
+    """(frames, joints), how much higher places, (frames, joints, 3), are than the scaled joints of the source."""
     return np.asarray((places - clip.scale.places(clip.source.positions[:, joints], clip.up)) @ clip.up)
 
 
 def heel_lift(motion: Motion, sole: Sole, up: Array) -> Array:
-    """(frames,), how much higher over the lowest joint of the foot the ankle is than on the flat sole [file units]."""
+    """(frames,), height of the ankle over the lowest joint of its foot, less that over a flat sole [file units]."""
     heights = heights_of(motion.positions, sole.joints, up)
     return np.asarray(heights[:, 0] - heights.min(axis=1) - sole.ankle)
 
 
 def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) -> Array:
     """The places of ankle and toe, (frames, 2, 3) [target file units]; `weights`, (frames,), are 1 at rest, and
-    `wider`, (frames, 3), is how far the foot belongs to the side, as in `_wider`.
+    `wider`, (frames, 3), is one of `_asides`.
     """
     scale, up, reach = clip.scale, clip.up, round(SPEED_SPAN / clip.frame_time)
     paths = np.stack([source.toe, source.toe + source.bone], axis=1) / clip.leg_lengths[0]
@@ -238,10 +235,10 @@ def _places(clip: Clip, source: Foot, copy: Foot, weights: Array, wider: Array) 
 
 
 def _about_ankle(paths: Array, frame_time: float, reach: int) -> Array:
-    """(frames, 1), how far a foot turns about its ankle and not about its toe, 0 to 1: the share of the toe in the mean
-    squares of their speeds. `paths`, (frames, 2, 3), are those of toe and ankle [leg lengths].
+    """(frames, 1), 1 where a foot turns about its ankle, 0 where about its toe: the share of the toe in the sum of
+    their mean squared speeds. `paths`, (frames, 2, 3), are those of toe and ankle [leg lengths].
     """
-    steps = np.diff(paths, axis=0, append=2.0 * paths[-1:] - paths[-2:][:1]) / frame_time  # goes on at the end
+    steps = np.diff(paths, axis=0, append=2.0 * paths[-1:] - paths[-2:][:1]) / frame_time  # the last step is repeated
     toe, ankle = averaged((steps**2).sum(axis=2), reach).T
     return np.asarray(toe / (toe + ankle + REST_SPEED**2))[:, None]
 
@@ -249,8 +246,8 @@ def _about_ankle(paths: Array, frame_time: float, reach: int) -> Array:
 def _on_mesh(
     clip: Clip, undersides: Undersides, rests: Sequence[Array], sources: Sequence[Foot], copies: Sequence[Foot]
 ) -> list[Foot]:
-    """The feet of the rotation copy with the lowest points of their mesh as soles: so far below the toe that the foot
-    lock brings them to their level. What this changes is averaged over `SPEED_SPAN`, as a sole may have edges.
+    """The feet of the rotation copy with `below` such that `_places` brings the lowest point of their mesh to the level
+    of the source's sole. The change is averaged over `SPEED_SPAN`, as a sole may have edges.
 
     `rests`, (frames, 2) each, is how much ankle and toe of the source rest; `sources` and `copies` are feet by joints.
     """
@@ -263,9 +260,9 @@ def _on_mesh(
 
 
 def lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides: Undersides) -> Array:
-    """(frames,), the height of the lowest point of a target's foot [file units]. A foot without a heel stands on its
-    toes with nothing below the ankle. It has its heel there, level with the sole, also while the toes lift: to bring
-    its skin down then would let hips and ankle drop at each step.
+    """(frames,), the height of the lowest point of a foot of the target [file units]. A foot without a heel, which
+    stands on its toes, counts as having one below the ankle, level with the sole: otherwise hips and ankle would drop
+    at each step as the toes lift.
     """
     lowest = undersides.target.lowest_of_foot(motion, ankle, up)
     if undersides.target.has_heel(ankle, sole):
@@ -276,7 +273,7 @@ def lowest_of_foot(motion: Motion, ankle: int, sole: Sole, up: Array, undersides
 
 
 def sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
-    """(frames, legs), how high the source's soles belong [source file units]; `rests` as in `_on_mesh`."""
+    """(frames, legs), heights of the source's soles without their drift [source file units]; `rests` as `_on_mesh`."""
     heights, steady_heights, length = [], [], clip.leg_lengths[0]
     steady = partial(_steadied_offset, reach=round(SPEED_SPAN / clip.frame_time))
     for pair, resting in zip(clip.legs, rests, strict=True):
@@ -290,8 +287,8 @@ def sole_levels(clip: Clip, rests: Sequence[Array]) -> Array:
 
 
 def _on_floor(heights: Array, steady_heights: Array, rests: Flags, length: float) -> Array:
-    """(frames, legs), the levels of one shot of soles with these `heights`, steadied as well, which rest or not;
-    (frames, legs) each. `length` is that of a leg.
+    """(frames, legs), the corrected heights of soles in one shot, from their heights, the steadied heights, and a mask
+    of rests, (frames, legs) each; `length` is the leg length.
     """
     if not rests.any():
         return heights
@@ -305,9 +302,9 @@ def _on_floor(heights: Array, steady_heights: Array, rests: Flags, length: float
 
 
 def _steadied_offset(offset: Array, weights: Array, paths: Array, reach: int) -> Array:
-    """An offset, (frames, n), steadied, as firmly from one frame to the next as (`WAY` / step of ankle or toe,
-    the lesser)^2; `paths`, (frames, 2, 3), are theirs [leg lengths], averaged over `reach` frames.
+    """An offset, (frames, n), as `time_series.steadied`: the stiffness between two frames is (`PATH_SPAN` / step)^2,
+    with the lesser step of ankle and toe on their `paths`, (frames, 2, 3) [leg lengths], averaged over `reach` frames.
     """
     paths = averaged(median_of_three(paths), reach)  # the median ignores a single faulty frame
     steps = lengths(np.diff(paths, axis=0, append=paths[-1:])).min(axis=1)
-    return smoothed_steps(median_of_three(offset), weights + LITTLE, (WAY / np.maximum(steps, STILL)) ** 2)
+    return smoothed_steps(median_of_three(offset), weights + LEAST_WEIGHT, (PATH_SPAN / np.maximum(steps, STILL)) ** 2)

@@ -1,18 +1,18 @@
-"""How far heels lift: a foot that is longer than the source's is less steep on its toes, and its toes bend.
+"""Heel lift: a foot that is longer than the source's is less steep on its toes, and its toes bend.
 
 On its toes a foot is a lever: the longer it is, the higher is its ankle. Where one foot alone stands on its toes, no
-height of the hips suits both legs then, and the knee above the longer foot bends more than the source's; hips that
-follow the ankles jolt. So each bone of a foot that rests, from b to where it points in a flat foot, is turned by
+height of the hips suits both legs then: the knee above the longer foot bends more than the source's, and hips that
+follow the ankles jolt. So each bone of a resting foot is turned from its direction b towards that in a flat foot by
 
     share (angle from flat to b) b x n,    share = 1 - (lift of the source's heel, scaled + ROLL) / (own lift + ROLL)
 
-with n the normal of the sole: about the foot's own side, also where it points straight down. A foot on its edge or back
-would roll over that way, so n gives way to the direction up as the sole turns from the floor: a bone that points
-straight down does not turn then, as it shows no way back. By less, down to nothing, turns a foot whose sole faces
-upwards. What is left is the hips' (`foot_lock.hips_rise`).
+with n the normal of the sole: about the sideways axis of the foot, also where it points straight down. A foot on its
+edge or back would roll over in this way, so n is blended into the direction up as the sole turns from the floor; a bone
+that points straight down then does not turn. The angle falls to 0 for a foot whose sole faces upwards. The heel lift
+that remains raises the hips (`foot_lock.hips_rise`).
 
-A source whose feet end at the ball shows nothing of the toes, which would point into the floor with the foot and lift
-the ankle by their length. They bend where the foot stands on them: they turn back all the way, but never downwards.
+If the source's feet end at the ball, nothing drives the target's toes. They would point into the floor with the foot
+and lift the ankle by their length. So in resting feet they turn up until they point as in a flat foot, never down.
 """
 
 from __future__ import annotations
@@ -34,12 +34,12 @@ from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.foot_lock import ROLL, heel_lift, lowest_of_foot, sole_levels
 from distretarget.objectives.supports import BLEND
 
-FACING = 0.5  # a sole faces the floor if its normal points upwards by this or more, as up to 60 degrees from flat
+FACING = 0.5  # a sole faces the floor if its unit normal has at least this upward component: 60 degrees from flat
 
 
 def with_low_heels(clip: Clip, undersides: Undersides | None = None) -> Clip:
-    """Return the clip with the feet of its rotation copy less steep where they rest and their heels are higher than the
-    source's, scaled: those of their mesh, if there is one. Toes that nothing turns bend first.
+    """Return the clip with the feet of its rotation copy less steep where they rest and lift their heels higher than
+    the source's, scaled; by their mesh, if there is one. Undriven toes are bent first.
     """
     rests = [feet_resting(clip.source, pair.source, clip.up, clip.leg_lengths[0], clip.shots) for pair in clip.legs]
     firm = [clip.widened(resting, BLEND).max(axis=1) for resting in rests]
@@ -56,8 +56,8 @@ def with_low_heels(clip: Clip, undersides: Undersides | None = None) -> Clip:
 
 
 def _with_bent_toes(clip: Clip, firm: Sequence[Array]) -> Clip:
-    """The clip with toes bent that can turn, where the source has no joint that turns them; `firm`, (frames,) for each
-    leg, is how firmly its foot rests, 0 to 1.
+    """The clip with the undriven toes of resting feet turned up; `firm`, (frames,) for each leg, is the weight of its
+    foot, 0 to 1.
     """
     rotations = clip.copy.rotations.copy()
     bend = [_toes_bend(clip, pair) for pair in clip.legs]
@@ -71,15 +71,16 @@ def _with_bent_toes(clip: Clip, firm: Sequence[Array]) -> Clip:
 
 
 def _toes_bend(clip: Clip, pair: LegPair) -> bool:
-    """Whether the target's foot carries toes that can turn, and nothing beside them, and the source's ends there."""
+    """Whether the target's foot has one toe joint that can turn, and the source's foot ends there."""
     skeleton, foot = clip.skeleton, pair.target
     ends = clip.source_skeleton.end_sites[pair.source.toe] and not skeleton.end_sites[foot.toe]
     return bool(ends and skeleton.children[foot.ankle] == (foot.toe,) and len(skeleton.rotation_axes(foot.toe)) == 3)
 
 
 def _lifts(clip: Clip, undersides: Undersides | None, rests: Sequence[Array]) -> Iterator[tuple[Array, Array]]:
-    """For each leg, how much higher over what the sole is on the ankle is than in a foot that stands flat, (frames,)
-    each: the source's, scaled, and the copy's [target file units]. `rests` is how much ankle and toe rest, (frames, 2).
+    """For each leg, the heel lifts of the source, scaled, and of the copy, (frames,) each [target file units]: height
+    of the ankle over the sole's lowest point, less that in a flat foot. `rests` is how much ankle and toe rest,
+    (frames, 2) for each leg.
     """
     scale, up = clip.scale.height, clip.up
     if undersides is None or not undersides.feet_have_mesh:
@@ -93,11 +94,11 @@ def _lifts(clip: Clip, undersides: Undersides | None, rests: Sequence[Array]) ->
 
 
 def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, v: Array) -> None:
-    """Write to v, (frames, parts + 1, 3), the rotations that turn the bones of a foot, by a share, (frames,), of their
-    angles, towards where they point in a flat foot [rad].
+    """Write to v, (frames, parts + 1, 3), the rotation vectors that turn the bones of a foot by a share, (frames,), of
+    the angles to their directions in a flat foot [rad].
     """
     joints, skeleton, to_toe = pair.target_sole.joints.tolist(), clip.skeleton, clip.skeleton.to_root(pair.target.toe)
-    for joint in sorted(joints, key=to_toe.__contains__):  # of the bones of one part that to the toe counts
+    for joint in sorted(joints, key=to_toe.__contains__):  # a part takes the angle of its bone to the toe
         above = int(skeleton.parents[joint])
         if above in joints and skeleton.lengths[joint] > 0.0:
             angle, axis = _to_flat(clip, pair, above, joint)
@@ -105,8 +106,8 @@ def _turn_to_flat(clip: Clip, pair: LegPair, share: Array, v: Array) -> None:
 
 
 def _to_flat(clip: Clip, pair: LegPair, upper: int, lower: int) -> tuple[Array, Array]:
-    """How far a bone of a foot turns upwards to where it points in a flat foot, (frames,) [rad], and the axis about
-    which it turns, (frames, 3), which is shorter the less the bone shows it.
+    """The angle by which a bone of a foot has to turn upwards to its slope in a flat foot, (frames,) [rad], and the
+    axis to turn about, (frames, 3); the axis is shorter where bone and upward direction are nearly parallel.
     """
     sole, length = pair.target_sole, float(clip.skeleton.lengths[lower])
     flat = np.subtract(*(sole.heights[sole.joints == joint].item() for joint in (lower, upper)))
@@ -118,5 +119,5 @@ def _to_flat(clip: Clip, pair: LegPair, upper: int, lower: int) -> tuple[Array, 
 
 
 def _normals(clip: Clip, pair: LegPair) -> Array:
-    """(frames, 3), the unit vectors up from the sole of the copied foot."""
+    """(frames, 3), the unit normals of the sole of the copied foot, upwards."""
     return turned_by(clip.copy.world_rotations_of(pair.target.ankle), pair.target_sole.normal)

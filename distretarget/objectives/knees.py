@@ -1,7 +1,7 @@
-"""Knees that the source bends a little backwards, as straight legs of motion capture are: they are straight instead.
+"""Straightens knees that the source bends a little backwards, as straight legs in motion capture often are.
 
-Where a foot rests nearer to the hips than that of the rotation copy, its knee bends more than the copied one. It would
-bend farther backwards, and come to the front in one frame when the copied one does.
+Where a foot rests nearer to the hips than in the rotation copy, its knee bends more than the copied one. It would bend
+farther backwards, and snap to the front when the copied knee does.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.supports import Supports
 from distretarget.skin.limbs import Limb, bent
 
-BACKWARDS = np.radians(10)  # knees that bend backwards by up to this are straight; from twice this on they stay [rad]
-NEARER = 0.01  # knees of feet that come nearer to the hips by this bend all the way [shins]
+BACKWARDS = np.radians(10)  # knees bent backwards by up to this are straightened; from twice this on they stay [rad]
+NEARER = 0.01  # knees are straightened in full where the foot comes nearer to the hips by this or more [shins]
 
 
 def with_straight_knees(clip: Clip, feet: Supports, limbs: Sequence[Limb]) -> Clip:
-    """Return the clip with the knees of its rotation copy straight where they bend a little backwards, away from where
-    the foot points, and the foot rests nearer to the hips. `feet` are supports of feet, `limbs` those of the target.
-    The root is on its final path.
+    """Return the clip with knees of its rotation copy straightened that bend a little backwards, away from where the
+    foot points, while the foot rests nearer to the hips than in the copy. `feet` are the supports of feet, `limbs`
+    those of the target; the clip's root path has to be final.
     """
     legs, moved = {limb.end: number for number, limb in enumerate(limbs)}, np.zeros((len(clip), len(limbs), 2, 3))
     for support, pair in zip(range(0, feet.feet, 2), clip.legs, strict=False):

@@ -1,7 +1,6 @@
-"""How much nearer the surface of a mesh is to what a limb touches than its capsules say.
+"""Corrections of the gaps of capsules by those of the mesh, for hands and forearms that touch, or nearly do.
 
-Capsules leave out up to a third of a surface, and a hand has fingers. So gaps of capsules are put right by those of the
-mesh, where limbs touch, or nearly do.
+Capsules leave out up to a third of a surface, and a hand has fingers.
 """
 
 from __future__ import annotations
@@ -15,100 +14,99 @@ from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import Shots, by_shot
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin
-from distretarget.objectives.spots import Spots, of_pairs
+from distretarget.objectives.contact_zones import ContactZones, gaps_of_pairs
 from distretarget.skin.balls import segment_gaps
-from distretarget.skin.capsules import PLACE
+from distretarget.skin.capsules import GROUP
 
-RATE = 30.0  # the mesh is looked at about as often [1/s]
-NEAR = 0.03  # by gaps of capsules that are less than this, meshes may touch [body units]
-FARTHEST = 0.06  # what is farther apart is not looked at [body units]
-MOST = 0.04  # a mesh and its capsules differ by no more [body units]
-# Where nothing is to touch, capsules that seem thicker than their mesh are believed but for so much: at the hem of a
-# jacket, the nearest point of a coarse mesh changes by more [body units].
+RATE = 30.0  # the mesh is sampled about as often [1/s]
+NEAR = 0.03  # meshes may touch where the gap of capsules is less than this [body units]
+FARTHEST = 0.06  # gaps of a mesh larger than this are not measured [body units]
+MOST = 0.04  # the largest correction [body units]
+# Where nothing is to touch, a correction makes capsules thinner by at most this: at the hem of a jacket, the nearest
+# point of a coarse mesh jumps by more [body units].
 THICKER = 0.01
-STEADY = 0.07  # what the mesh says is averaged so long before and after, as its nearest point jumps [s]
+STEADY = 0.07  # corrections are averaged over this time before and after, as the nearest point of a mesh jumps [s]
 
 
-def nearer_than_capsules(
+def mesh_correction(
     body: BodySkin,
-    spots: Spots,
+    zones: ContactZones,
     pairs: Numbers,
     motion: Motion,
     touching: Array,
     first: int,
     shots: Shots,
-    spare: Array | float = 0.0,
+    overlap: Array | float = 0.0,
 ) -> Array:
-    """Return by how much the mesh is nearer than the capsules at each spot, (frames, spots) [body units]: by nothing
-    where a body has no mesh.
+    """Return the gap of capsules less that of the mesh in each zone, (frames, zones) [body units]; 0 without a mesh.
 
     Args:
         body: with its capsules, and the surface of its mesh.
-        spots: where limbs can touch.
-        pairs: (pairs, 2), the segments of the pairs that these are for.
+        zones: where limbs can touch.
+        pairs: (pairs, 2), the segments of the pairs that the zones consist of.
         motion: its frames.
-        touching: (frames, spots), more than 0 where limbs are to touch; else what is near is looked at.
-        first: the number of the first frame in the clip, of which every so many frames are looked at.
+        touching: (frames, zones), more than 0 where limbs are to touch; the mesh is sampled up to larger gaps there.
+        first: the index of the first frame in the clip, which decides the frames that are sampled.
         shots: (frames,); nothing is averaged across cuts.
-        spare: (frames, spots), by how much capsules may seem thicker than the mesh, as `spare_of_copy`.
+        overlap: (frames, zones), a correction may always make capsules thinner by this, see `false_overlap`.
     """
     if body.surface is None:
-        return np.zeros((len(motion), len(spots.limbs)))
+        return np.zeros((len(motion), len(zones.limbs)))
     near = np.where(touching > 0.0, FARTHEST, NEAR)
-    frames, gaps, of_mesh = _looked_at(body, spots, pairs, motion, first, near)
+    frames, gaps, of_mesh = _sampled_gaps(body, zones, pairs, motion, first, near)
     known = of_mesh < FARTHEST
-    off = np.subtract(gaps, of_mesh, out=np.zeros(gaps.shape), where=known)
-    off = off.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), spare)[frames], MOST)
-    averaged_in = partial(_averaged, reach=round(STEADY / (_step(motion) * motion.frame_time)))
-    return _between(by_shot(averaged_in, shots[frames], off, known), frames, len(motion))
+    correction = np.subtract(gaps, of_mesh, out=np.zeros(gaps.shape), where=known)
+    correction = correction.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), overlap)[frames], MOST)
+    mean = partial(_averaged, reach=round(STEADY / (_step(motion) * motion.frame_time)))
+    return _interpolated(by_shot(mean, shots[frames], correction, known), frames, len(motion))
 
 
-def spare_of_mesh(body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int) -> Array:
-    """Return how far capsules of hands and forearms may overlap others, (frames, spots) [body units]: as far as they do
-    in a motion while its mesh is outside, less by twice the depth where it is inside; by nothing without a mesh. So
-    limbs that sink in nowhere stay where they are. Arguments as `nearer_than_capsules`.
+def false_overlap(body: BodySkin, zones: ContactZones, pairs: Numbers, motion: Motion, first: int) -> Array:
+    """Return how far the capsules of hands and forearms overlap others in a motion while the mesh does not, (frames,
+    zones) [body units]; where the mesh is inside, less twice its depth, at least 0; 0 without a mesh. If capsules may
+    overlap by this, limbs whose mesh sinks in nowhere do not move. Arguments as `mesh_correction`.
     """
     if body.surface is None:
-        return np.zeros((len(motion), len(spots.limbs)))
-    near = np.zeros((len(motion), len(spots.limbs)))
-    frames, gaps, of_mesh = _looked_at(body, spots, pairs, motion, first, near)
-    spare = np.where(spots.are_hard, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
-    return _between(spare, frames, len(motion))
+        return np.zeros((len(motion), len(zones.limbs)))
+    near = np.zeros((len(motion), len(zones.limbs)))
+    frames, gaps, of_mesh = _sampled_gaps(body, zones, pairs, motion, first, near)
+    overlap = np.where(zones.are_hard, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
+    return _interpolated(overlap, frames, len(motion))
 
 
 def _step(motion: Motion) -> int:
-    """One of so many frames of a clip is looked at."""
+    """The number of frames from one sample of the mesh to the next."""
     return max(round(1.0 / (RATE * motion.frame_time)), 1)
 
 
-def _looked_at(
-    body: BodySkin, spots: Spots, pairs: Numbers, motion: Motion, first: int, near: Array
+def _sampled_gaps(
+    body: BodySkin, zones: ContactZones, pairs: Numbers, motion: Motion, first: int, near: Array
 ) -> tuple[Numbers, Array, Array]:
-    """The frames that are looked at, and the gaps at each spot by capsules and by the mesh there, (some frames, spots)
-    each [body units]; the mesh's are infinite but for hands and forearms that are nearer by capsules than `near`,
-    (frames, spots).
+    """The sampled frames, and the gaps of capsules and of the mesh there in each zone, (samples, zones) each [body
+    units]. Gaps of the mesh are found for hands and forearms where the gap of capsules is less than `near`, (frames,
+    zones), and are infinite elsewhere.
     """
     step = _step(motion)
     frames = np.arange(-first % step, len(motion), step)
     motion = motion[frames]
-    gaps = spots.least(of_pairs(segment_gaps(body.balls, body.posed(motion), FARTHEST), body.balls.pairs, pairs))
-    wanted = spots.are_hard & (gaps < near[frames])
-    places = [tuple(np.flatnonzero(PLACE[:-1] == place).tolist()) for place in spots.places]
-    parts = [*zip(spots.limbs.tolist(), places, strict=True)]
+    gaps = zones.least(gaps_of_pairs(segment_gaps(body.balls, body.posed(motion), FARTHEST), body.balls.pairs, pairs))
+    wanted = zones.are_hard & (gaps < near[frames])
+    groups = [tuple(np.flatnonzero(GROUP[:-1] == group).tolist()) for group in zones.groups]
+    parts = [*zip(zones.limbs.tolist(), groups, strict=True)]
     assert body.surface is not None
     of_mesh = body.surface.gaps(motion, parts, wanted, FARTHEST * body.unit) if wanted.any() else gaps
     return frames, gaps, np.where(wanted, of_mesh / body.unit, np.inf)
 
 
-def _between(values: Array, frames: Numbers, count: int) -> Array:
-    """Values of some frames, (some frames, spots), in all frames, (frames, spots)."""
+def _interpolated(values: Array, frames: Numbers, count: int) -> Array:
+    """Values of sampled frames, (samples, zones), interpolated in all `count` frames, (frames, zones)."""
     found = np.zeros((count, values.shape[1]))
-    for spot in np.flatnonzero(values.any(axis=0)):
-        found[:, spot] = np.interp(np.arange(count), frames, values[:, spot])
+    for zone in np.flatnonzero(values.any(axis=0)):
+        found[:, zone] = np.interp(np.arange(count), frames, values[:, zone])
     return found
 
 
 def _averaged(values: Array, are_known: Flags, reach: int) -> Array:
-    """Values, (frames, spots), averaged over those around them that are known; 0 for those that are not."""
+    """Values, (samples, zones), averaged over the known ones around each; 0 for unknown ones."""
     known = are_known.astype(float)
     return known * averaged(values, reach) / np.maximum(averaged(known, reach), np.finfo(float).tiny)

@@ -1,8 +1,8 @@
 """The paper's objective, Eq. (2): solved for free points, then over the rotations of rigid bones.
 
-The points of every frame start from the rotation copy. A warm start from the previous frame takes fewer iterations, but
-drifts over a clip to mirrored postures, which have the same stress. The rotation copy is never mirrored, and keeps
-frames independent of each other.
+The points of every frame start from the rotation copy. A warm start from the previous frame would take fewer
+iterations, but drift over a clip to mirrored postures, which have the same stress. The rotation copy is never mirrored,
+and makes frames independent of each other.
 """
 
 from __future__ import annotations
@@ -74,7 +74,7 @@ def _fitted_poses(clip: Clip, postures: Postures) -> Array:
 
 
 def find_distances(contacts: ContactList, constraints: Constraints) -> UserDistances:
-    """Return the distances of a contact list; a ContactsError for other entries, or joints that nothing drives."""
+    """Return the distances of a contact list; a ContactsError for other kinds of entries and for undriven joints."""
     problem, rows, weights = constraints.clip.distances, [], []
     for constraint in constraints:
         entry = constraint.entry
@@ -86,9 +86,9 @@ def find_distances(contacts: ContactList, constraints: Constraints) -> UserDista
         rows.append((u, v, size, entry.priority, problem.priorities[u, v]))
         weights.append(constraints.firmness(constraint))
     first, second, *values = zip(*rows, strict=True)
-    delta, pi, own = (np.array(each, float) for each in values)
+    delta, pi, paper_pi = (np.array(each, float) for each in values)
     weight = np.stack(weights, axis=1)
-    return UserDistances(np.array(first, np.intp), np.array(second, np.intp), delta, pi, own, weight)
+    return UserDistances(np.array(first, np.intp), np.array(second, np.intp), delta, pi, paper_pi, weight)
 
 
 def _point(contacts: ContactList, entry: Distance, joint: int, clip: Clip) -> int:
@@ -119,25 +119,15 @@ def solve_postures(
     stress, gradient, scratch = Stress(np.empty_like(ratio), priorities), np.zeros(shape), scratch_for(shape)
     for block in blocks_of(len(C)):
         x, solved = padded(off_plane(C[block])), np.empty((block.stop - block.start, *shape))
-        solve_points(
-            padded(S[block]),
-            x,
-            ratio,
-            stress,
-            set_by_user.of_frames(block),
-            solved,
-            block.start,
-            log,
-            gradient,
-            scratch,
-        )
+        given = set_by_user.of_frames(block)
+        solve_points(padded(S[block]), x, ratio, stress, given, solved, block.start, log, gradient, scratch)
         X[block] = solved[:, :, : len(problem)]
     positions = aligned(X.transpose(0, 2, 1), C.transpose(0, 2, 1)) * problem.body_size + centroids
     return Postures(positions, log[0], Effort.from_log(log))
 
 
 def off_plane(x: Array) -> Array:
-    """Postures, (frames, 3, points), with those that lie in a plane or on a line moved off it.
+    """Postures, (frames, 3, points); those that lie in a plane or on a line are moved off it.
 
     The gradient of a planar posture lies in its plane, so a solver would never leave it. The points move by at most
     `NUDGE` perpendicular to the plane, to either side; points on a line move in both perpendicular directions.
@@ -157,7 +147,7 @@ def aligned(x: Array, onto: Array) -> Array:
 
 
 class BareClip(NamedTuple):
-    """What `solve_poses` needs of a `Clip`."""
+    """The fields of a `Clip` that `solve_poses` needs."""
 
     source: Motion
     copy: Motion

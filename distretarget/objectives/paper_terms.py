@@ -1,4 +1,4 @@
-"""The stress of a frame as what the solvers minimise, over points and over rotations of rigid bones. Compiled."""
+"""The stress of a frame, minimised over free points and over the rotations of rigid bones. Compiled."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ class UserDistances(NamedTuple):
 
     u: I1  # (pairs,), the first point
     v: I1  # (pairs,), the second point
-    delta: F1  # (pairs,), their distance [body sizes]
-    pi: F1  # (pairs,), their priority
-    own: F1  # (pairs,), their priority where the user sets none
-    weight: F2  # (frames, pairs), 1 where the user sets it, blended to 0
+    delta: F1  # (pairs,), the user's distance [body sizes]
+    pi: F1  # (pairs,), the user's priority
+    paper_pi: F1  # (pairs,), the priority of the paper
+    weight: F2  # (frames, pairs), blend weight of the user's distance and priority, 0 to 1
 
     def of_frames(self, frames: slice) -> UserDistances:
         """Return those of some frames."""
@@ -41,11 +41,11 @@ def no_distances(frames: int) -> UserDistances:
 
 @inlined()
 def _put_distances(set_by_user: UserDistances, frame: int, delta: Array, pi: Array) -> None:
-    """Put the distances that a user sets in a frame into target distances and priorities, (points, columns)."""
+    """Blend the distances and priorities that a user sets into those of a frame, (points, columns) each."""
     for n in range(len(set_by_user.u)):
         u, v, w = set_by_user.u[n], set_by_user.v[n], set_by_user.weight[frame, n]
         value = delta[u, v] + w * (set_by_user.delta[n] - delta[u, v])
-        priority = set_by_user.own[n] + w * (set_by_user.pi[n] - set_by_user.own[n])
+        priority = set_by_user.paper_pi[n] + w * (set_by_user.pi[n] - set_by_user.paper_pi[n])
         delta[u, v] = delta[v, u] = value
         pi[u, v] = pi[v, u] = priority
 
@@ -78,7 +78,7 @@ def solve_points(
     gradient: Out[F2],
     scratch: Out[F3],
 ) -> None:
-    """Solve a block of frames, whose first is column `first` of `log`; distances are computed frame by frame."""
+    """Solve a block of frames, the first of which is column `first` of `log`; distances are computed frame by frame."""
     for t in range(len(source)):
         copy_to(solved[t], starts[t])
         target_distances(source[t], ratio, problem.delta)

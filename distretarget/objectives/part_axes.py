@@ -1,8 +1,8 @@
-"""Axes of the parts of a body, and the rays out of them on which a touch is at the same place of the body.
+"""Axes of body parts, and the rays out of them that map a point of contact from one body to another.
 
-A part has an axis. What touches it is at some height along it, in lengths of the axis, and on some side of it, as an
-angle round it. On the target's part the same height and angle are a ray out of its axis: what is on that ray touches
-the same place, however thick the part is.
+A point of contact on a part is given by its height along the part's axis, in lengths of the axis, and its angle round
+the axis. On another body, the same height and angle are a ray out of the part's axis; a contact on that ray is at the
+same place of the body, however thick the part is.
 """
 
 from __future__ import annotations
@@ -32,30 +32,30 @@ ROLES = ("leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg", "head
 class Axes(NamedTuple):
     """The axes of the parts of a body, in the order of `PARTS`."""
 
-    starts: Array  # (frames, parts, 3), where each begins [file units]
-    directions: Array  # (frames, parts, 3, 3), along it, to the front and to the left, as rows
+    starts: Array  # (frames, parts, 3), where each axis begins [file units]
+    directions: Array  # (frames, parts, 3, 3), unit vectors along it, to the part's front and to its left, as rows
     lengths: Array  # (frames, parts) [file units]
 
 
 class Tip(NamedTuple):
-    """A part beyond the last joint of a body that moves it: the head, or a hand."""
+    """A part at the end of a chain, without a joint at its far end: the head, or a hand."""
 
-    joint: int
+    joint: int  # that moves it
     axes: Array  # (3, 3), its directions, as rows, while its joint is not turned
     length: float  # [file units]
 
 
 @dataclass(frozen=True, eq=False)
 class Landmarks:
-    """What the axes of a body's parts are found from."""
+    """The joints and directions from which the axes of a body's parts are found."""
 
-    joints: Mapping[str, int]  # of `ROLES`
+    joints: Mapping[str, int]  # joint index by role, for `ROLES`
     tips: tuple[Tip, ...]  # head, left hand and right hand
-    fronts: Mapping[str, Array]  # (3,), the front of each upper arm and forearm while its joint is not turned, by role
+    fronts: Mapping[str, Array]  # (3,), front of each upper arm and forearm while its joint is not turned, by role
 
     @classmethod
     def of(cls, body: Body, lengths: Sequence[float]) -> Landmarks | None:
-        """Return those of a body with these lengths of its head and hands; None where it lacks any but the hands."""
+        """Return the landmarks of a body with these lengths of head and hands; None if it lacks any but the hands."""
         roles, pose = body.roles, body.reference
         if not roles.keys() >= {*ROLES} or lengths[0] <= 0.0:
             return None
@@ -97,20 +97,21 @@ class Landmarks:
 
 
 def _matrices(motion: Motion, joint: int) -> Array:
-    """(frames, 3, 3), how a joint is turned in the world."""
+    """(frames, 3, 3), the world rotations of a joint."""
     return Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
 
 
 def _directions(along: Array, left: Array) -> Array:
-    """(frames, 3, 3), the unit vectors along an axis, to its front and to its left."""
+    """(frames, 3, 3), the unit vectors along an axis, to its front and to its left, as rows."""
     along = normalised(along)
     front = normalised(cross(left, along))
     return np.stack([along, front, cross(along, front)], axis=1)
 
 
 def rays(source: Axes, target: Axes, touching: Array) -> tuple[Array, Array, Array]:
-    """Return where on the target's axes the rays of points of the source, (frames, hands, parts, 3) [file units],
-    begin, and their directions, of the same shape, and the heights, (frames, hands, parts) [lengths of the axes].
+    """Return the rays on the target for points of contact on the source, (frames, hands, parts, 3) [file units]: their
+    starts on the target's axes and their directions, of the same shape, and the heights along the axes, (frames, hands,
+    parts) [lengths of the axes].
     """
     off = touching - source.starts[:, None]
     along, front, left = np.moveaxis(np.einsum("fpij,fhpj->fhpi", source.directions, off), 3, 0)

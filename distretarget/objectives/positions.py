@@ -1,7 +1,7 @@
-"""Motions of given positions: the rotations of rigid bones that keep the distances between the positions, Eq. (2).
+"""Motions from positions: the rotations of rigid bones that keep the distances between given positions, Eq. (2).
 
-Positions show where the bones of a joint point, not how a single bone is twisted: it gets the least turn against its
-parent's. Upper arms and thighs twist so that elbows and knees bend about their own axes, as far as they are bent.
+Positions show the directions of bones, but not the twist of a single bone: it takes the least rotation against its
+parent. Upper arms and thighs twist so that elbows and knees bend about their own axes, as far as they are bent.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths,
 from distretarget.objectives.paper import BareClip, solve_poses
 from distretarget.skeleton import Skeleton
 
-SURE = 0.15  # a limb that is bent by more than this shows its twist [sine]
-SPAN = 0.15  # twists are means over this time before and after a frame [s]
+SURE = 0.15  # the twist of a limb is reliable if it is bent by more than this [sine of the angle]
+SPAN = 0.15  # twists are averaged over this time before and after a frame [s]
 
 
 def motion_of_positions(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time_text: str) -> Motion:
     """Return the motion of a skeleton that keeps the distances between positions best.
 
-    `positions`, (frames, positions, 3), are those of `joints`, all but End Sites at least, in any unit and for any
-    bone lengths: what the bones are longer or shorter than the positions show, the root's path is, too.
+    `positions`, (frames, positions, 3), are those of `joints`, which have to include all but End Sites. They may be in
+    any unit, and of a body with other bone lengths: the root's path is scaled by the ratio of bone lengths.
     """
     source = _as_motion(skeleton, joints, positions, frame_time_text)
     given = source.rigid_skeleton
@@ -49,11 +49,9 @@ def motion_of_positions(skeleton: Skeleton, joints: Numbers, positions: Array, f
 
 
 def _as_motion(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time_text: str) -> Motion:
-    """The positions as a motion of bones that stretch and do not turn."""
-    places, translations = (
-        np.zeros((len(positions), len(skeleton), 3)),
-        np.tile(skeleton.offsets, (len(positions), 1, 1)),
-    )
+    """The positions as a motion of bones that stretch and never rotate."""
+    places = np.zeros((len(positions), len(skeleton), 3))
+    translations = np.tile(skeleton.offsets, (len(positions), 1, 1))
     places[:, joints] = translations[:, joints] = positions
     below = joints[joints > 0]
     translations[:, below] -= places[:, skeleton.parents[below]]
@@ -62,7 +60,7 @@ def _as_motion(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time
 
 
 def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: Flags) -> Motion:
-    """The motion whose bones point as those of the source, from the root down, with the root on its path, scaled."""
+    """The motion whose bones have the source's directions, from the root down, and whose root has its path, scaled."""
     frames = len(source)
     local, hinges = np.tile(skeleton.rest_rotations, (frames, 1, 1)), _hinges(skeleton)
     world: list[Rotation] = []
@@ -85,7 +83,7 @@ def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: Flags) -> M
 
 
 def _placed(motion: Motion, points: Array, joints: Numbers) -> Motion:
-    """The motion turned and moved in each frame, so that joints are nearest to points: distances do not show this."""
+    """The motion rotated and translated in each frame so that joints are nearest to points, which stress ignores."""
     x, y = motion.positions[:, joints], points[:, joints]
     middle, goal = x.mean(axis=1), y.mean(axis=1)
     turn = Rotation.from_quat(best_rotation(x - middle[:, None], y - goal[:, None]))
@@ -95,7 +93,7 @@ def _placed(motion: Motion, points: Array, joints: Numbers) -> Motion:
 
 
 def _ends(skeleton: Skeleton, joint: int) -> Iterator[int]:
-    """The ends of the bones of a joint, and of those of the joints at its place."""
+    """The ends of the bones of a joint, and of the joints that coincide with it."""
     for child in skeleton.children[joint]:
         if skeleton.lengths[child] > 0:
             yield child
@@ -104,7 +102,7 @@ def _ends(skeleton: Skeleton, joint: int) -> Iterator[int]:
 
 
 def _hinges(skeleton: Skeleton) -> dict[int, tuple[int, int, Array]]:
-    """For upper arms and thighs: the joint of the lower part, its end, and the axis about which it bends at rest."""
+    """For upper arms and thighs, by joint: the joint of the lower bone, its end, and the axis of its bend at rest."""
     body = Body.of(skeleton)
     if body.anatomy is None or not body.stands_at_rest:
         return {}

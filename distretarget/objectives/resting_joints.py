@@ -1,14 +1,15 @@
-"""Hands, knees, hips and other joints that rest on the world: when, where, and how the root moves to let them.
+"""Hands, knees, hips and other joints that rest on the world: when, where, and how the root moves for them.
 
 A joint rests on the floor while it is slow and about as low as the body's lowest joint; a joint of trunk or head may be
-somewhat higher if the body lies or sits on it. It then has the source's height, scaled; where the skin is known, it is
-raised until the skin below it is on the floor, or lowered until that is no higher than the source's, so that thick
+somewhat higher if the body lies or sits on it. It then has the source's height, scaled. Where the skin is known, the
+joint is raised until its skin is on the floor, or lowered until its skin is no higher than the source's, so that thick
 knees do not sink in and thin ones do not hover. A joint that stands still while its limb moves, such as a hand on a
 rail, rests too, at its mean height in the rotation copy.
 
 Along the floor, a joint keeps the source's path, scaled, during each rest, shifted by the mean difference to the
-rotation copy: it does not slide, and the body is not pulled to where its proportions cannot follow. If a region farther
-out in the limb rests too, such as the foot in a kneel, the joint keeps its distance from that of the rotation copy.
+rotation copy: it does not slide, and is not pulled to a place that the body's proportions do not allow. If a region
+farther out in the limb rests too, such as the foot in a kneel, the joint keeps its offset from that region as in the
+copy.
 """
 
 from __future__ import annotations
@@ -32,14 +33,14 @@ from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
 
 Environment = Literal["body", "scaled"]
 
-LITTLE = 1e-6  # weight of frames that hardly count
+LEAST_WEIGHT = 1e-6  # of frames in a mean, where others count
 INSIDE = 0.25  # a joint of trunk or head that the body lies on is no higher than this [leg lengths]
 APPROACH_SPEED = 0.5  # a joint moves from the rotation copy to a distant place at about this speed [leg lengths/s] ...
 LONGEST_BLEND = 0.6  # ... but takes no longer than twice this time [s]
 
-LEANS = np.radians(20.0)  # a seated trunk leans so far for a hand that reaches where it rests by this [rad]; ...
-SHORT = 0.1  # ... the more is missing, the less it leans, not at all for a hand that is farther off [leg lengths]
-SEAT = 10.0  # weight of a resting region of the trunk, which only the root can move to its place
+LEANS = np.radians(20.0)  # a seated trunk leans by up to this towards the place of a resting hand [rad] ...
+SHORT = 0.1  # ... less if the hand is still too far off then, and not at all if by this or more [leg lengths]
+SEAT = 10.0  # weight of a resting region of the trunk in the shift of the root, which alone can move it to its place
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -55,7 +56,7 @@ def find_resting_joints(
     clip: Clip, feet: Supports, environment: Environment, undersides: Undersides | None = None
 ) -> RestingJoints | None:
     """Return the joints other than those of `feet` that rest on the floor or on something that stands still, if any. In
-    the environment "scaled" a joint that rests on something other than the floor has the source's place, scaled.
+    the environment "scaled", a joint that rests on anything but the floor has the source's place, scaled.
     """
     if not clip.legs:
         return None
@@ -67,7 +68,7 @@ def find_resting_joints(
     on_floor = (speeds < REST_SPEED * length) & low
     still = still_joints(source, sources, _limb_bases(clip), speeds, length, clip.shots)
     if still.any():
-        still &= ~_stand_on_others(clip, on_floor | still, feet)
+        still &= ~_carried_by_others(clip, on_floor | still, feet)
     rests = median_of_three(on_floor | still)  # ignores a single faulty frame
     on = np.flatnonzero(rests.any(axis=0))
     if not len(on):
@@ -79,8 +80,8 @@ def find_resting_joints(
 
 
 def with_resting_joints(clip: Clip, feet: Supports, resting: RestingJoints) -> Supports:
-    """Return the supports of feet and other resting joints. A joint blends to its place over a time that grows with the
-    distance of that from the rotation copy on the root's path.
+    """Return the supports of feet and other resting joints. A joint blends to its place over a time that grows with its
+    distance from there in the rotation copy on the root's path.
     """
     blend = partial(_blended, frame_time=clip.frame_time)
     far = lengths(resting.places - clip.copy_on_path(resting.joints)) / clip.leg
@@ -93,8 +94,8 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
     """Return the displacement of the root from its path, (frames, 3) [target file units].
 
     The path is that of the source's hips times the ratio of leg lengths, which suits a body on its feet; a body on its
-    hands moves by the lengths of its arms and trunk. So the root moves by the mean offset of the resting regions from
-    their places in the rotation copy, where resting feet count as zero, smoothed.
+    hands moves in proportion to its arms and trunk. So the root is displaced by the mean offset of the resting regions
+    from the rotation copy, smoothed; resting feet count with an offset of zero.
     """
     off = resting.places - clip.copy_on_path(resting.joints)
     sums, count, regions = np.zeros((len(clip), 3)), np.zeros(len(clip)), clip.regions.of_joint[resting.joints]
@@ -110,9 +111,9 @@ def root_shift(clip: Clip, feet: Supports, resting: RestingJoints) -> Array:
 
 
 def within_reach(clip: Clip, supports: Supports) -> Supports:
-    """Return the supports with the places of the hands of a body that sits or lies as near to the shoulders of the
-    rotation copy as stretched arms reach if the trunk leans by up to `LEANS`: a body whose arms are too short for the
-    floor sits upright. One that does not sit goes down to its hands.
+    """Return the supports with the places of the hands of a body that sits or lies moved within reach of its arms,
+    while its trunk leans by up to `LEANS`: a body whose arms are too short for the floor sits upright. A body that does
+    not sit goes down to its hands, and its supports do not change.
     """
     if len(supports.joints) == supports.feet:
         return supports
@@ -125,19 +126,19 @@ def within_reach(clip: Clip, supports: Supports) -> Supports:
         if top == joint:
             continue
         pelvis, shoulder = clip.copy_on_path(np.array([clip.pelvis, top])).transpose(1, 0, 2)
-        trunk, aim, reach = shoulder - pelvis, places[:, column] - pelvis, clip.skeleton.paths_from(top)[joint]
-        lean = np.minimum(angles_between(trunk, aim), LEANS)
-        missing = np.maximum(lengths(aim - _turned(trunk, aim, lean)) - reach, 0.0)
-        away = aim - _turned(trunk, aim, lean * np.maximum(1.0 - missing / short, 0.0))
-        beyond = np.maximum(1.0 - reach / np.maximum(lengths(away), reach), 0.0)[:, None] * away
+        trunk, goal, reach = shoulder - pelvis, places[:, column] - pelvis, clip.skeleton.paths_from(top)[joint]
+        lean = np.minimum(angles_between(trunk, goal), LEANS)
+        missing = np.maximum(lengths(goal - _turned(trunk, goal, lean)) - reach, 0.0)
+        arm = goal - _turned(trunk, goal, lean * np.maximum(1.0 - missing / short, 0.0))
+        beyond = np.maximum(1.0 - reach / np.maximum(lengths(arm), reach), 0.0)[:, None] * arm
         for first, end in spans_of(supports.weights[:, column] > 0.0):
             places[first:end, column] -= seat[first:end].max() * beyond[first:end]
     return replace(supports, places=places)
 
 
-def _turned(vectors: Array, aims: Array, angles: Array) -> Array:
-    """Vectors, (frames, 3), turned towards others by angles, (frames,)."""
-    aside = lengths(vectors)[:, None] * normalised(perpendicular(aims, normalised(vectors)))
+def _turned(vectors: Array, goals: Array, angles: Array) -> Array:
+    """Vectors, (frames, 3), rotated towards `goals`, (frames, 3), by angles, (frames,)."""
+    aside = lengths(vectors)[:, None] * normalised(perpendicular(goals, normalised(vectors)))
     return np.asarray(np.cos(angles)[:, None] * vectors + np.sin(angles)[:, None] * aside)
 
 
@@ -165,8 +166,8 @@ def _lie_on_flesh(clip: Clip, near_floor: Flags) -> Flags:
     return lies
 
 
-def _stand_on_others(clip: Clip, rests: Flags, feet: Supports) -> Flags:
-    """(frames, joints), whether another region rests farther out in the limb: a knee over a foot touches nothing."""
+def _carried_by_others(clip: Clip, rests: Flags, feet: Supports) -> Flags:
+    """(frames, joints), whether another region farther out in the limb rests, as the foot below a still knee."""
     resting = np.zeros((len(rests), len(clip.skeleton)), bool)
     resting[:, clip.limb_joints] = rests
     resting[:, feet.joints] = feet.weights >= RESTS
@@ -191,7 +192,7 @@ def _resting_places(
     environment: Environment,
     rises: Array | None,
 ) -> Array:
-    """(frames, joints, 3), the places of resting joints [target file units]; on the floor raised by `rises`."""
+    """(frames, joints, 3), the places of resting joints [target file units], raised by `rises`, (frames, joints)."""
     places = clip.scale.places(clip.source.positions[:, clip.drivers[targets]], clip.up)
     if rises is not None:
         places += rises[..., None] * clip.up
@@ -215,8 +216,8 @@ def _resting_places(
 def _rises(
     clip: Clip, feet: Supports, undersides: Undersides, targets: Numbers, on_floor: Flags, rests: Flags
 ) -> Array:
-    """(frames, joints), how much higher than the source's, scaled, joints rest [target file units]: as much as brings
-    their skin up to the floor, or down to the gap of the source's, on average over each rest; 0 if not on the floor.
+    """(frames, joints), how much higher than the source's, scaled, joints rest on the floor [target file units], so
+    that their skin, on average over a rest, is not in the floor, nor higher over it than the source's.
     """
     scale, up, sources = clip.scale.height, clip.up, clip.drivers[targets]
     sole, own_sole = undersides.soles
@@ -238,8 +239,8 @@ def _rises(
 
 
 def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Flags) -> Array:
-    """(frames, 1), the height of the floor below the source's skin [source file units]: that of the soles of resting
-    feet, whose thickness is `sole`; of a shot without these, that of the lowest resting `skin`, (frames, joints).
+    """(frames, 1), the height of the floor below the source's skin [source file units]: that of resting feet less the
+    thickness of the `sole`; in a shot without these, that of the lowest resting `skin`, (frames, joints).
     """
     soles = [heights_of(clip.source.positions, pair.source_sole.joints, clip.up).min(axis=1) for pair in clip.legs]
     stands = feet.weights.reshape(len(clip), -1, 2).max(axis=2) >= RESTS
@@ -257,19 +258,19 @@ def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Fla
 
 
 def _offsets(off: Array, rests: Flags, on_floor: Flags, carried: Flags, up: Array, environment: Environment) -> Array:
-    """(frames, 3), the mean of `off`, (frames, 3), over each rest of the joint, taken over the frames in which it is
-    `carried` by others if there are any. The mean is level in a rest on the floor; in any other rest it is zero if the
+    """(frames, 3), the mean of offsets, `off`, (frames, 3), over each rest of a joint; if there are frames in which the
+    joint is `carried` by others, over these. The mean is level in a rest on the floor; in other rests it is zero if the
     environment is scaled.
     """
     runs = runs_of(rests)
     with_floor = np.isin(runs, runs[on_floor])[:, None]
     off = np.where(with_floor, level(off, up), off if environment == "body" else 0.0)
     counts = carried | ~np.isin(runs, runs[carried & rests])
-    return run_means(off, np.where(rests, np.maximum(counts, LITTLE), 0.0))
+    return run_means(off, np.where(rests, np.maximum(counts, LEAST_WEIGHT), 0.0))
 
 
 def _blended(rests: Flags, far: Array, frame_time: float) -> Array:
-    """(frames,), 1 while a joint rests, blended to 0 over a time that grows with its distance `far` [leg lengths]."""
+    """(frames,), 1 while a joint rests, blended to 0 over a time that grows with its offset `far` [leg lengths]."""
     free = np.ones(len(rests))
     for first, end in spans_of(rests):
         frames = np.clip(far[first:end].mean() / APPROACH_SPEED, BLEND, LONGEST_BLEND) / frame_time

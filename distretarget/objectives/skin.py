@@ -1,9 +1,9 @@
-"""Skin: limbs bend so that skin touches where it touches in the source, and sinks in nowhere.
+"""Skin: bends limbs so that skins touch where they touch in the source, and penetrate nowhere.
 
-It begins with the motion that keeps the contacts of joints. `skin.sides` finds how elbows, wrists and knees bring
-limbs out of the body in each frame. From there `ik.limb_bends` solves for all frames at once: limbs stay outside,
-skins that touch come to the gap of the source, and limbs move as smoothly as that lets them. It does so with capsules,
-and again with these put right by the mesh.
+It starts from the motion that keeps the contacts of joints. `skin.sides` finds displacements of elbows, wrists and
+knees that bring limbs out of the body in each frame. From there `ik.limb_bends` solves for all frames at once: limbs
+stay outside, skins in contact come to the gap of the source, and limbs move smoothly. Gaps are those of capsules,
+corrected by the mesh before each round of the solve.
 """
 
 from __future__ import annotations
@@ -26,61 +26,61 @@ from distretarget.numerics.time_series import Shots, smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.anchors import anchors, no_anchors
-from distretarget.objectives.approach import approached
+from distretarget.objectives.approach import with_hands_on_source_side
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
-from distretarget.objectives.mesh_gaps import nearer_than_capsules, spare_of_mesh
-from distretarget.objectives.sliding import stays
-from distretarget.objectives.spots import APART, IS_HARD, Spots, of_pairs
+from distretarget.objectives.contact_zones import APART, IS_HARD, ContactZones, gaps_of_pairs
+from distretarget.objectives.mesh_gaps import false_overlap, mesh_correction
+from distretarget.objectives.sliding import stillness
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, mean_radii, segment_gaps
-from distretarget.skin.capsules import IS_ARM, PLACE, SEGMENTS
+from distretarget.skin.capsules import GROUP, IS_ARM, SEGMENTS
 from distretarget.skin.limbs import Limb, bent
 from distretarget.skin.sides import least_displacements
 from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
-# The mesh is looked at before each round of the solve, as other places of it may be nearest once limbs have moved; the
-# steps of a round, at most. More rounds of fewer steps keep skin out better than fewer that settle.
+# The most steps of each round of the solve, before which gaps are corrected by the mesh: its nearest points change as
+# limbs move. More rounds of fewer steps keep skin out better than fewer rounds that converge.
 ROUNDS = (4, 4, 8)
-EACH_OF_TWO = np.sqrt(0.5)  # two arms that touch are two spots, each half as stiff, as stiffness is firmness squared
-BY_USER = 2.0  # contacts that a user asks for are firmer than others by this factor
-PRESSED = 0.01  # in the source's own body hands and forearms sink in as they do there, but by no more [body units]
-REACH = 0.3  # what is farther apart than this in the result, half an arm, is not brought to touch [body units]
+EACH_OF_TWO = np.sqrt(0.5)  # two arms in contact are two zones, each with half the stiffness, which is firmness squared
+BY_USER = 2.0  # the firmness of user contacts relative to others
+PRESSED = 0.01  # if source and target are one body, hands sink in as deep as in the source, up to this [body units]
+REACH = 0.3  # skins farther apart than this in the result, half an arm, are not drawn together [body units]
 
-# How far flesh gives way to other flesh [mean radius of its capsules]; the skin of an upper arm is the chest's at the
+# How far soft tissue may overlap [mean radius of its capsules]; an upper arm shares its skin with the chest at the
 # armpit.
 FLESH = {"upper arm": 1.0, "thigh": 0.2, "pelvis": 0.16, "belly": 0.16}
 SOFT = np.array([next((value for part, value in FLESH.items() if part in name), 0.0) for name in SEGMENTS])
 
 
 class SkinGap(NamedTuple):
-    """A gap between skins that a user asks for."""
+    """A gap between skins that the user sets, at the nearest of some segment pairs."""
 
-    pairs: Numbers  # (pairs,), of segments of the body, the nearest of which has it
+    pairs: Numbers  # (pairs,), indices of segment pairs of the body
     gap: Array  # (frames,) [body units]
     firmness: Array  # (frames,), 0 to 1
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
-    """Where a user's contacts bring limbs."""
+class LimbTargets:
+    """The targets that user constraints set for limbs."""
 
-    ways: Array  # (frames, limbs, 3), how far their ends go [body units]
-    ties: Array  # (frames, limbs), how far they are held there, 0 to 1
+    displacements: Array  # (frames, limbs, 3), of the ends of limbs [body units]
+    firmness: Array  # (frames, limbs), of these displacements, 0 to 1
     gaps: tuple[SkinGap, ...]
-    anchored: Numbers  # (pairs,), of segments, that touch at anchors
+    anchored: Numbers  # (pairs,), indices of segment pairs in contact at anchors
 
-    def __getitem__(self, frames: slice) -> Reach:
+    def __getitem__(self, frames: slice) -> LimbTargets:
         gaps = tuple(SkinGap(each.pairs, each.gap[frames], each.firmness[frames]) for each in self.gaps)
-        return Reach(self.ways[frames], self.ties[frames], gaps, self.anchored)
+        return LimbTargets(self.displacements[frames], self.firmness[frames], gaps, self.anchored)
 
     @property
     def anchors(self) -> dict[str, Array]:
-        """The fields of `limb_terms.Frames`, with an anchor without a ray."""
-        frames, limbs = self.ties.shape
-        fields = no_anchors(frames, limbs, 1)
-        return fields | {"off": -self.ways[:, :, None], "ties": self.ties[:, :, None]}
+        """The anchor fields of `limb_terms.Frames`: an anchor without a ray for each limb."""
+        frames, limbs = self.firmness.shape
+        fields, offsets = no_anchors(frames, limbs, 1), -self.displacements[:, :, None]
+        return fields | {"anchor_offsets": offsets, "anchor_weights": self.firmness[:, :, None]}
 
 
 def with_skin(
@@ -89,18 +89,18 @@ def with_skin(
     posed: Motion,
     supports: Supports,
     settings: ContactSettings,
-    reach: Reach | None = None,
+    targets: LimbTargets | None = None,
     wanted: Flags | None = None,
-    alone: Array | None = None,
+    self_contact: Array | None = None,
 ) -> Motion:
-    """Return the motion of a target with its limbs bent as its skin asks, and as a user does; `posed` is the motion
-    before. Only frames that are `wanted`, (frames,), need to be right; by default all. Limbs touch the body itself as
-    far as they are `alone`, (frames, limbs), 0 to 1; by default all are.
+    """Return the motion `posed` of a target with its limbs bent so that skins touch as in the source and do not
+    penetrate, and the `targets` of user constraints are met. Only frames that are `wanted`, (frames,), need to be
+    right; by default all. `self_contact`, (frames, limbs), 0 to 1, weighs contacts of limbs with the body itself.
     """
     free = how_free(clip, skins.target, supports, settings)
-    alone = np.ones(free.shape[:2]) if alone is None else alone
-    ends = free[..., 1] if reach is None else free[..., 1] * (1.0 - reach.ties)
-    posed = approached(clip, skins, posed, ends)
+    self_contact = np.ones(free.shape[:2]) if self_contact is None else self_contact
+    ends = free[..., 1] if targets is None else free[..., 1] * (1.0 - targets.firmness)
+    posed = with_hands_on_source_side(clip, skins, posed, ends)
     margin = round(FADES * TAU / clip.frame_time)
     chunks = chunks_of(len(clip), margin)
     if wanted is not None:
@@ -109,8 +109,8 @@ def with_skin(
 
     def displaced(chunk: Chunk) -> Array:
         around = chunk.context
-        reaching = reach and reach[around]
-        d = _displaced(clip[around], skins, posed[around], free[around], alone[around], around.start, reaching)
+        here = targets and targets[around]
+        d = _displaced(clip[around], skins, posed[around], free[around], self_contact[around], around.start, here)
         return d[chunk.frames.start - around.start : chunk.frames.stop - around.start]
 
     d = np.zeros((len(clip), len(skins.target.limbs), 2, 3))
@@ -120,7 +120,7 @@ def with_skin(
 
 
 def _of_wanted(chunks: Sequence[Chunk], wanted: Flags, margin: int) -> Iterator[Chunk]:
-    """Chunks, each from the first to the last of its frames that are wanted; none without such frames."""
+    """Yield chunks cut down to their first and last wanted frames; chunks without any are left out."""
     for chunk in chunks:
         frames = chunk.frames.start + np.flatnonzero(wanted[chunk.frames])
         if len(frames):
@@ -130,97 +130,97 @@ def _of_wanted(chunks: Sequence[Chunk], wanted: Flags, margin: int) -> Iterator[
 
 
 def _displaced(
-    clip: Clip, skins: Skins, posed: Motion, free: Array, alone: Array, first: int, reach: Reach | None
+    clip: Clip, skins: Skins, posed: Motion, free: Array, self_contact: Array, first: int, targets: LimbTargets | None
 ) -> Array:
-    """How far middle and end of each limb are displaced, (frames, limbs, 2, 3) [body units], in a part of a clip that
-    begins with the frame `first`; `free` as `how_free`, and `alone`, (frames, limbs), is 0 while a limb touches others.
+    """The displacements of middle and end of each limb, (frames, limbs, 2, 3) [body units], in a part of a clip that
+    begins with the frame `first`. `free` is what `how_free` returns; the other arguments are those of `with_skin`.
     """
     body, shots = skins.target, (clip.shots, clip.frame_time)
     pairs, are_hard = body.balls.pairs, IS_HARD[body.balls.pairs[:, 0]]
-    near = partial(nearer_than_capsules, pairs=pairs, first=first, shots=clip.shots)
-    frames, spots = _of_source(clip, skins, posed, free, alone, near)
-    found = len(spots.limbs)
-    if reach is not None:
-        frames, spots = _reaching(frames, spots, reach)
-    bend = partial(brought_out, body.balls, body.displaced, spots)
+    corrected = partial(mesh_correction, pairs=pairs, first=first, shots=clip.shots)
+    frames, zones = _source_contacts(clip, skins, posed, free, self_contact, corrected)
+    found = len(zones.limbs)
+    if targets is not None:
+        frames, zones = _with_targets(frames, zones, targets)
+    bend = partial(limb_displacements, body.balls, body.displaced, zones)
     if body.surface is None:
         return bend(frames, body.limbs, *shots, REACH)
 
     def softer(by: Array) -> Array:
-        return np.where(are_hard, frames.soft + by[:, spots.of_pair], frames.soft)
+        return np.where(are_hard, frames.soft + by[:, zones.of_pair], frames.soft)
 
-    spare = spare_of_mesh(body, spots, pairs, posed, first)
-    # An arm that has passed through an arm is outside beyond it: there, the source has to be outside as well.
-    on_arms = np.isin(spots.places, PLACE[:-1][IS_ARM])
-    if reach is not None:
-        on_arms[spots.of_pair[reach.anchored]] = False
-    of_source = spare_of_mesh(skins.source, spots, pairs, clip.source, first)
-    spare[:, on_arms] = np.minimum(spare, of_source)[:, on_arms]
-    spare[:, found:] = 0.0  # gaps that a user asks for are those of the capsules
-    d = find_start(body.balls, body.displaced, frames._replace(soft=softer(spare)), *shots)
+    overlap = false_overlap(body, zones, pairs, posed, first)
+    # The mesh of an arm that has passed through another arm is outside of it, too: the source's has to be as well.
+    on_arms = np.isin(zones.groups, GROUP[:-1][IS_ARM])
+    if targets is not None:
+        on_arms[zones.of_pair[targets.anchored]] = False
+    of_source = false_overlap(skins.source, zones, pairs, clip.source, first)
+    overlap[:, on_arms] = np.minimum(overlap, of_source)[:, on_arms]
+    overlap[:, found:] = 0.0  # the user's gaps are those of capsules
+    d = start_displacements(body.balls, body.displaced, frames._replace(soft=softer(overlap)), *shots)
     for steps in ROUNDS:
         now = bent(posed, body.limbs, body.unit * d)
-        farther = -near(body, spots=spots, motion=now, touching=frames.firmness, spare=spare)
+        farther = -corrected(body, zones=zones, motion=now, touching=frames.firmness, overlap=overlap)
         farther[:, found:] = 0.0
-        now_asked = frames._replace(soft=softer(farther), aims=frames.aims - farther)
-        d = bend(now_asked, body.limbs, *shots, REACH, d, steps)
+        on_mesh = frames._replace(soft=softer(farther), target_gaps=frames.target_gaps - farther)
+        d = bend(on_mesh, body.limbs, *shots, REACH, d, steps)
     return d
 
 
-def _of_source(
-    clip: Clip, skins: Skins, posed: Motion, free: Array, alone: Array, near: Callable[..., Array]
-) -> tuple[Frames, Spots]:
-    """What is asked of limbs so that they touch what they touch in the source, and the spots where they can; `near` is
-    `nearer_than_capsules` of these frames, others as for `_displaced`.
+def _source_contacts(
+    clip: Clip, skins: Skins, posed: Motion, free: Array, self_contact: Array, corrected: Callable[..., Array]
+) -> tuple[Frames, ContactZones]:
+    """The problem of `limb_bends` that keeps the source's contacts, and its zones; `corrected` is `mesh_correction` for
+    these frames, other arguments as in `_displaced`.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
     ends = source.posed(clip.source)
     in_source = segment_gaps(source.balls, ends, APART)
-    in_source = of_pairs(in_source, source.balls.pairs, balls.pairs)
-    spots = Spots.of(balls.pairs[:, 0], PLACE[balls.pairs[:, 1]])
-    gaps = spots.least(in_source)
-    gaps -= near(source, spots=spots, motion=clip.source, touching=how_touching(spots, gaps))
-    touching = how_touching(spots, gaps)
-    firmness = _with_hands(spots, touching, touching * _meant(clip, body, spots)) * _kept(clip, body, spots)
-    firmness *= _alone(body, spots, alone) * stays(source, clip.source, ends, spots, touching, clip.shots)
-    firmness[:, np.isin(spots.places, PLACE[:-1][IS_ARM])] *= EACH_OF_TWO
+    in_source = gaps_of_pairs(in_source, source.balls.pairs, balls.pairs)
+    zones = ContactZones.of(balls.pairs[:, 0], GROUP[balls.pairs[:, 1]])
+    gaps = zones.least(in_source)
+    gaps -= corrected(source, zones=zones, motion=clip.source, touching=how_touching(zones, gaps))
+    touching = how_touching(zones, gaps)
+    firmness = _with_forearms(zones, touching, touching * _intent(clip, body, zones)) * _not_dropped(clip, body, zones)
+    firmness *= _by_limbs(body, zones, self_contact) * stillness(source, clip.source, ends, zones, touching, clip.shots)
+    firmness[:, np.isin(zones.groups, GROUP[:-1][IS_ARM])] *= EACH_OF_TWO
     least = -PRESSED if skins.are_alike else 0.0
-    pressed = np.where(spots.are_hard, np.clip(-gaps, 0.0, -least), 0.0)
+    pressed = np.where(zones.are_hard, np.clip(-gaps, 0.0, -least), 0.0)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
         free=free,
-        soft=np.maximum(softness(balls, balls.pairs, in_source), pressed[:, spots.of_pair]),
-        aims=np.maximum(gaps, least),
+        soft=np.maximum(softness(balls, balls.pairs, in_source), pressed[:, zones.of_pair]),
+        target_gaps=np.maximum(gaps, least),
         firmness=firmness,
-        **anchors(clip.source, posed, skins, spots, in_source, firmness),
+        **anchors(clip.source, posed, skins, zones, in_source, firmness),
     )
-    return frames, spots
+    return frames, zones
 
 
-def _reaching(frames: Frames, spots: Spots, reach: Reach) -> tuple[Frames, Spots]:
-    """What is asked of limbs, and the spots, with what a user asks for."""
-    aims, firmness = [frames.aims], [frames.firmness]
-    for asked in reach.gaps:
-        spots = spots.with_own(asked.pairs)
-        aims.append(asked.gap[:, None])
-        firmness.append(BY_USER * asked.firmness[:, None])
-    free = np.maximum(frames.free, reach.ties[..., None])
-    held = {key: np.concatenate([getattr(frames, key), more], axis=2) for key, more in reach.anchors.items()}
-    return frames._replace(aims=np.hstack(aims), firmness=np.hstack(firmness), free=free, **held), spots
+def _with_targets(frames: Frames, zones: ContactZones, targets: LimbTargets) -> tuple[Frames, ContactZones]:
+    """The problem of `limb_bends` and its zones, with the targets of user constraints added."""
+    gaps, firmness = [frames.target_gaps], [frames.firmness]
+    for each in targets.gaps:
+        zones = zones.with_zone_of(each.pairs)
+        gaps.append(each.gap[:, None])
+        firmness.append(BY_USER * each.firmness[:, None])
+    free = np.maximum(frames.free, targets.firmness[..., None])
+    fields = {key: np.concatenate([getattr(frames, key), more], axis=2) for key, more in targets.anchors.items()}
+    return frames._replace(target_gaps=np.hstack(gaps), firmness=np.hstack(firmness), free=free, **fields), zones
 
 
-def find_start(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots, frame_time: float) -> Array:
-    """Return how far to displace limbs so that they leave bodies on one side while they are in them. A limb that
-    changes sides goes through a body within about `TAU`.
+def start_displacements(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots, frame_time: float) -> Array:
+    """Return displacements of limbs that bring them out of bodies, each on one side for as long as it is in a body. A
+    limb that changes sides passes through the body within about `TAU`.
     """
-    return least_displacements(balls, displaced, *frames[:4], shots=shots, change=2.0 * TAU / frame_time)
+    return least_displacements(balls, displaced, *frames[:4], shots=shots, switch_cost=2.0 * TAU / frame_time)
 
 
-def brought_out(
+def limb_displacements(
     balls: Balls,
     displaced: Displaced,
-    spots: Spots,
+    zones: ContactZones,
     frames: Frames,
     limbs: Sequence[Limb],
     shots: Shots,
@@ -229,10 +229,10 @@ def brought_out(
     start: Array | None = None,
     steps: int = STEPS,
 ) -> Array:
-    """Return how far to displace limbs, (frames, limbs, 2, 3), from where they are; see `ik.limb_bends.bends`."""
-    start = find_start(balls, displaced, frames, shots, frame_time) if start is None else start
+    """Return the displacements of limbs, (frames, limbs, 2, 3), by `limb_bends.bends` from `start_displacements`."""
+    start = start_displacements(balls, displaced, frames, shots, frame_time) if start is None else start
     arms = np.array([limb.is_arm for limb in limbs], bool)
-    return bends(balls, displaced, spots.of_pair, frames, arms, start, shots, frame_time, reach, steps)
+    return bends(balls, displaced, zones.of_pair, frames, arms, start, shots, frame_time, reach, steps)
 
 
 def limb_places(body: BodySkin, posed: Motion) -> Array:
@@ -242,8 +242,8 @@ def limb_places(body: BodySkin, posed: Motion) -> Array:
 
 
 def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSettings) -> Array:
-    """(frames, limbs, 2), how far middle and end of each limb can move, 0 to 1: not while they or what is beyond them
-    rest on the world; feet never.
+    """(frames, limbs, 2), how far middle and end of each limb can move, 0 to 1: 0 for a middle that rests on the world,
+    for an end while it or a joint below it does, and for feet always.
     """
     free = np.ones((len(clip), len(body.limbs), 2))
     held = [*zip(supports.joints.tolist(), supports.weights.T, strict=True)] if settings.foot_lock else []
@@ -259,32 +259,32 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
     return free
 
 
-def how_touching(spots: Spots, gaps: Array) -> Array:
-    """(frames, spots), how near limbs are to what they touch, 0 to 1, by gaps, (frames, spots). Only hands and forearms
-    touch: an upper arm is near the trunk anyway.
+def how_touching(zones: ContactZones, gaps: Array) -> Array:
+    """(frames, zones), the weights of contacts by their gaps, (frames, zones), 0 to 1; 0 for all limbs but hands and
+    forearms, as an upper arm is always near the trunk.
     """
-    return nearness(gaps) * spots.are_hard
+    return nearness(gaps) * zones.are_hard
 
 
 def nearness(gaps: Array) -> Array:
-    """How near parts are that touch, by their gaps [body units]: from 0 at `APART` to 1 at `TOUCH`."""
+    """The weights of contacts by their gaps [body units], from 0 at `APART` to 1 at `TOUCH`."""
     return smoothstep((APART - gaps) / (APART - TOUCH))
 
 
 def softness(balls: Balls, parts: Numbers, in_source: Array) -> Array:
-    """(frames, pairs), how far segments may overlap [body units]: as far as their flesh gives way, and as far as the
-    source's do; hands and forearms not at all. `parts`, (pairs, 2), are what parts of the body these are.
+    """(frames, pairs), how far segments may overlap [body units]: by their soft tissue, or as far as in the source; not
+    at all if the limb is a hand or a forearm. `parts`, (pairs, 2), are the segments of the pairs.
     """
     flesh = SOFT[parts] * mean_radii(balls)[balls.pairs]
     return np.where(IS_HARD[parts[:, 0]], 0.0, np.maximum(flesh.sum(axis=1), -in_source))
 
 
-def _with_hands(spots: Spots, near: Array, touching: Array) -> Array:
-    """(frames, spots), how far spots touch, with forearms near what their hands touch, as the two meet at the wrist."""
+def _with_forearms(zones: ContactZones, near: Array, touching: Array) -> Array:
+    """(frames, zones), contact weights, with those of forearms raised where they are `near` what their hands touch."""
     touching = touching.copy()
-    for side, place in product(SIDES, np.unique(spots.places)):
+    for side, group in product(SIDES, np.unique(zones.groups)):
         hand, forearm = (
-            np.flatnonzero((spots.limbs == SEGMENTS.index(f"{side} {part}")) & (spots.places == place))
+            np.flatnonzero((zones.limbs == SEGMENTS.index(f"{side} {part}")) & (zones.groups == group))
             for part in ("hand", "forearm")
         )
         if hand.size:
@@ -292,38 +292,37 @@ def _with_hands(spots: Spots, near: Array, touching: Array) -> Array:
     return touching
 
 
-def _meant(clip: Clip, body: BodySkin, spots: Spots) -> Array:
-    """(frames, spots), how much each is meant to be touched, 0 to 1: by a hand or forearm as far as `Clip.raised_arms`
-    says that it is there on purpose, since one that hangs beside the trunk is near it anyway. Arms always mean to touch
-    each other.
+def _intent(clip: Clip, body: BodySkin, zones: ContactZones) -> Array:
+    """(frames, zones), how far each contact is intended, 0 to 1: by `Clip.raised_arms`, since an arm that hangs is near
+    the trunk without touching it; contacts with arms always are.
     """
     of_point, sources = body.of_joint[clip.distances.targets], clip.distances.sources
-    meant = np.ones((len(clip), len(spots.limbs)))
-    for spot in np.flatnonzero(~np.isin(spots.places, PLACE[:-1][IS_ARM])):
-        meant[:, spot] = clip.raised_arms[:, sources[of_point == spots.limbs[spot]]].max(axis=1, initial=0.0)
-    return meant
+    intent = np.ones((len(clip), len(zones.limbs)))
+    for zone in np.flatnonzero(~np.isin(zones.groups, GROUP[:-1][IS_ARM])):
+        intent[:, zone] = clip.raised_arms[:, sources[of_point == zones.limbs[zone]]].max(axis=1, initial=0.0)
+    return intent
 
 
-def _alone(body: BodySkin, spots: Spots, alone: Array) -> Array:
-    """(frames, spots), 0 while one of the arms that touch there touches others; `alone` as in `_displaced`."""
-    kept = np.ones((len(alone), len(spots.limbs)))
+def _by_limbs(body: BodySkin, zones: ContactZones, self_contact: Array) -> Array:
+    """(frames, zones), the least `self_contact`, (frames, limbs), of the arms of each zone."""
+    least = np.ones((len(self_contact), len(zones.limbs)))
     for number, limb in enumerate(limb for limb in body.limbs if limb.is_arm):  # arms come first
         own = body.of_joint[[*limb.joints]]
-        on = np.isin(spots.limbs, own) | np.isin(spots.places, PLACE[own])
-        kept[:, on] = np.minimum(kept[:, on], alone[:, number, None])
-    return kept
+        on = np.isin(zones.limbs, own) | np.isin(zones.groups, GROUP[own])
+        least[:, on] = np.minimum(least[:, on], self_contact[:, number, None])
+    return least
 
 
-def _kept(clip: Clip, body: BodySkin, spots: Spots) -> Array:
-    """(frames, spots), 0 where a contact is dropped, else 1."""
-    kept = np.ones((len(clip), len(spots.limbs)))
-    for spot, (limb, place) in enumerate(zip(spots.limbs, spots.places, strict=True)):
-        ends = np.flatnonzero(body.of_joint == limb), np.flatnonzero(PLACE[body.of_joint] == place)
+def _not_dropped(clip: Clip, body: BodySkin, zones: ContactZones) -> Array:
+    """(frames, zones), 0 where the user drops a contact, else 1."""
+    enabled = np.ones((len(clip), len(zones.limbs)))
+    for zone, (limb, group) in enumerate(zip(zones.limbs, zones.groups, strict=True)):
+        ends = np.flatnonzero(body.of_joint == limb), np.flatnonzero(GROUP[body.of_joint] == group)
         for drop in clip.drops:
             if any(
                 np.isin(a, one).any() and np.isin(b, other).any()
                 for a, b in (ends, ends[::-1])
                 for one, other in [drop.parts]
             ):
-                kept[drop.frames, spot] = 0.0
-    return kept
+                enabled[drop.frames, zone] = 0.0
+    return enabled

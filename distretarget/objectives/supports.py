@@ -19,7 +19,7 @@ from distretarget.numerics.vectors import Array, Numbers
 STIFFNESS = 5000.0  # k, far above all other stiffnesses
 RESTS = 0.99  # a joint of this weight or more rests
 ROOT_BLEND = 0.2  # the root takes about twice this time from one height or shift to the next [s]
-BLEND = 0.16  # a joint blends to its place over twice this time before it rests, and away over twice this time [s]
+BLEND = 0.16  # the weight of a joint rises over twice this time before it rests, and falls over as much after it [s]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -32,9 +32,9 @@ class Supports:
         feet: the number of foot joints: ankle and toe of one leg, then those of the other.
         weights: (frames, supports), 1 while the source's joint rests, blended to 0.
         places: (frames, supports, 3), where the target's joint rests [target file units].
-        floor: the heights that other joints stay above [body units].
+        floor: the heights that other joints keep above [body units].
         scene_springs: springs to other performers and to props [body units].
-        user_springs: springs of contacts and distances that the user asks for [body units].
+        user_springs: springs of user constraints: contacts, distances and parts planted on the body [body units].
     """
 
     joints: Numbers
@@ -57,14 +57,14 @@ class Supports:
         return np.asarray(self.weights[:, self.feet :].max(axis=1, initial=0.0))
 
     def of_regions(self, count: int) -> Array:
-        """(frames, regions), how firmly something of each of the `count` body regions rests, 0 to 1."""
-        firm = np.zeros((count + 1, len(self.weights)))  # the last are joints outside the body
-        np.maximum.at(firm, self.regions, self.weights.T)
-        return firm[:-1].T
+        """(frames, regions), the largest weight of a support in each of the `count` body regions, 0 to 1."""
+        largest = np.zeros((count + 1, len(self.weights)))  # the last row is for joints outside the body
+        np.maximum.at(largest, self.regions, self.weights.T)
+        return largest[:-1].T
 
     @property
     def touches(self) -> Iterator[tuple[int, Array]]:
-        """The joints that touch other performers or props, each with how firmly, (frames,), 0 to 1."""
+        """The joints that touch other performers or props, each with the weight of its contact, (frames,), 0 to 1."""
         springs = self.scene_springs
         stiffness = np.trace(springs.A, axis1=-2, axis2=-1)
         return zip(springs.a.tolist(), (stiffness / (stiffness + 1.0)).T, strict=True)

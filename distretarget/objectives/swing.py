@@ -1,13 +1,13 @@
-"""Feet that swing: their soles pass over the floor, as the source's do.
+"""Swinging feet: soles pass over the floor as the source's do.
 
-Longer feet, or legs of another build, bring a foot that swings under the floor where the source's passes just over it.
-Its knee bends then, so that the ankle is higher by
+With longer feet, or legs of another build, a swinging foot would pass under the floor where the source's passes just
+over it. Then the knee bends so that the ankle is higher by
 
     lift = floor + min(source's sole over its floor, scaled, CLEARANCE) - lowest point of the copied foot
 
-where that is positive, widened in time: the foot goes up before, and down after. A foot's floor is where its sole is
-while it rests, and in between on the line from one rest to the next; that of a foot that never rests, as on a
-treadmill, is as low as any sole. The foot keeps its rotation.
+if that is positive, widened in time: the foot begins to rise before, and comes down after. The floor of a foot is the
+height of its sole at rest, interpolated between rests; without any rest, as on a treadmill, the lowest height of any
+sole. The foot keeps its rotation.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from distretarget.objectives.foot_lock import lowest_of_foot, sole_levels
 from distretarget.objectives.supports import Supports
 from distretarget.skin.limbs import Limb, bent
 
-CLEARANCE = 0.03  # feet that swing as high as this over the floor are high enough [leg lengths]
-SCUFF = 0.005  # feet that are less deep in the floor stay [leg lengths]
-SWING_BLEND = 0.1  # a foot goes up over twice this time, and down over as long [s]
-STRAIGHT_KNEE = 0.1  # knees nearer than this to the line from hip to ankle bend as the foot points [shins]
+CLEARANCE = 0.03  # the largest clearance over the floor that a swinging foot is raised to [leg lengths]
+SCUFF = 0.005  # depth in the floor that is left to a swinging foot [leg lengths]
+SWING_BLEND = 0.1  # a foot rises over twice this time, and comes down over as much [s]
+STRAIGHT_KNEE = 0.1  # knees nearer than this to the line from hip to ankle bend towards where the foot points [shins]
 
 
 def with_swinging_feet_up(clip: Clip, feet: Supports, limbs: Sequence[Limb], undersides: Undersides | None) -> Clip:
     """Return the clip with the legs of its rotation copy bent where feet would swing through the floor. `feet` are the
-    supports of feet, `limbs` those of the target; the root is on its final path.
+    supports of feet, `limbs` those of the target; the clip's root path has to be final.
     """
     if not clip.legs:
         return clip
@@ -51,7 +51,7 @@ def with_swinging_feet_up(clip: Clip, feet: Supports, limbs: Sequence[Limb], und
 
 
 def _lifts(clip: Clip, undersides: Undersides | None) -> Array:
-    """(frames, legs), how much higher each foot of the rotation copy has to be, with the root on its path [target file
+    """(frames, legs), how far each foot of the rotation copy has to be raised, with the root on its path [target file
     units].
     """
     up, (source_length, length), frames = clip.up, clip.leg_lengths, np.arange(len(clip))
@@ -67,8 +67,8 @@ def _lifts(clip: Clip, undersides: Undersides | None) -> Array:
 
 
 def _soles(clip: Clip, rests: Sequence[Array], undersides: Undersides | None) -> tuple[Array, Array]:
-    """The heights of the soles of source and rotation copy, (frames, legs) each [file units of each]; `rests` is how
-    much ankle and toe of each leg rest, (frames, 2).
+    """The heights of the lowest points of soles, of source and rotation copy, (frames, legs) each [file units of each];
+    `rests` is how much ankle and toe of each leg rest, (frames, 2).
     """
     if undersides is None or not undersides.feet_have_mesh:
         heights = [
@@ -82,14 +82,14 @@ def _soles(clip: Clip, rests: Sequence[Array], undersides: Undersides | None) ->
 
 
 def _raised(clip: Clip, limb: Limb, toe: int, lift: Array) -> Array:
-    """How far knee and ankle go, (frames, 2, 3), so that the ankle is higher by `lift`, (frames, 1) [file units]. A
+    """The displacements of knee and ankle, (frames, 2, 3), that raise the ankle by `lift`, (frames, 1) [file units]. A
     knee that the copy bends backwards comes forwards as the lift grows.
     """
     hip, knee, ankle, toes = (clip.copy.positions[:, joint] for joint in (*limb.joints, toe))
     thigh, shin = lengths(knee - hip)[:, None], lengths(ankle - knee)[:, None]
-    way = ankle + lift * clip.up - hip
-    far = lengths(way)[:, None]
-    down = way / far
+    leg = ankle + lift * clip.up - hip
+    far = lengths(leg)[:, None]
+    down = leg / far
     off = perpendicular(knee - hip, normalised(ankle - hip))
     forward = normalised(perpendicular(toes - ankle, down))
     forward = normalised(perpendicular(off + STRAIGHT_KNEE * shin * forward, down))

@@ -24,11 +24,11 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.body_skin import BodySkin, limbs_of
-from distretarget.objectives.constraint_reach import Reaching, with_looks
-from distretarget.objectives.constraint_springs import between, eased_gap, off_by, with_anchors_apart, with_constraints
+from distretarget.objectives.constraint_reach import LimbReach, with_looks
+from distretarget.objectives.constraint_springs import correction, eased_gap, joint_offset, with_constraints, with_gaps
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
 from distretarget.objectives.contact import held_parts, solve_contact
-from distretarget.objectives.skin import Reach
+from distretarget.objectives.skin import LimbTargets
 from distretarget.objectives.supports import Supports
 from distretarget.pipeline.performer import Performer
 from distretarget.pipeline.result import RetargetResult
@@ -98,7 +98,7 @@ def constrained_result(
     solved = _solved(bound, poses, mapper)
     for _ in range(1, ROUNDS):
         reached = _reached(bound, bound.posed(solved), made)
-        offsets = [between(reached, constraint.pair, bound.clip) if constraint.pair else None for constraint in made]
+        offsets = [joint_offset(reached, each.pair, bound.clip) if each.pair else None for each in made]
         bound = constrain(free, constraints, offsets)
         solved = _solved(bound, poses, mapper)
     log = np.where(made.share > 0.0, solved.log, poses.log)
@@ -117,7 +117,7 @@ def with_settled_anchors(performer: Performer, motion: Motion, constraints: Cons
     made = constraints.made
     for _ in range(ANCHOR_ROUNDS):
         motion = _reached(performer, motion, made)
-        made = with_anchors_apart(made, motion, skin)
+        made = with_gaps(made, motion, skin)
     return replace(made, every=(*constraints.drops, *made))
 
 
@@ -168,40 +168,41 @@ def meet(performer: Performer, motion: Motion, constraints: Constraints) -> Moti
     limbs, weights = _reaching(performer, constraints), [constraint.weight for constraint in constraints]
     pairs = (skins.target.between(*constraint.joints) for constraint in constraints if constraint.anchors)
     anchored = np.concatenate([np.zeros(0, np.intp), *pairs])
-    before = limbs.brought_out(with_looks(motion, constraints, body), weights)
+    before = limbs.arms_out_of_trunk(with_looks(motion, constraints, body), weights)
     for _ in range(FACING_ROUNDS if len(anchored) else 1):
-        before = limbs.reached(before, weights, SMOOTHING)
+        before = limbs.with_gaps_closed(before, weights, SMOOTHING)
     gaps = [eased_gap(constraints, constraint, skins, before) for constraint in constraints]
     places = [weight * (gap is None) for weight, gap in zip(weights, gaps, strict=True)]
-    displacements, ties = limbs.displacements(before, places)
+    displacements, firmness = limbs.displacements(before, places)
     best, least = before, np.inf
     for _ in range(MOST_SOLVES):
-        reach = Reach(displacements / body.unit, ties, tuple(filter(None, gaps)), anchored)
-        now = performer.with_own_skin(before, reach, wanted)
+        targets = LimbTargets(displacements / body.unit, firmness, tuple(filter(None, gaps)), anchored)
+        now = performer.with_own_skin(before, targets, wanted)
         error = _largest_error(performer, constraints, now)
         if error < least:
             best, least = now, error
-        if error <= MET * body.height or not ties.any():
+        if error <= MET * body.height or not firmness.any():
             break
-        displacements += (ties == 1.0)[..., None] * limbs.displacements(now, places)[0]
+        displacements += (firmness == 1.0)[..., None] * limbs.displacements(now, places)[0]
     return with_looks(best, constraints, body)
 
 
 def _reached(performer: Performer, motion: Motion, constraints: Constraints) -> Motion:
     """A motion that meets constraints, whatever skin its limbs enter."""
     limbs, weights, body = _reaching(performer, constraints), constraints.all_firmness, performer.match.matching.target
-    motion = limbs.brought_out(with_looks(motion, constraints, body), weights)
+    motion = limbs.arms_out_of_trunk(with_looks(motion, constraints, body), weights)
     error, last = np.inf, np.inf
     for smoothing in ROUND_SMOOTHING:
-        motion, last = limbs.reached(motion, weights, smoothing), error
+        motion, last = limbs.with_gaps_closed(motion, weights, smoothing), error
         error = _largest_error(performer, constraints, motion)
         if error <= MET * body.height or error >= last:
             break
     return with_looks(motion, constraints, body)
 
 
-def _reaching(performer: Performer, constraints: Constraints) -> Reaching:
-    return Reaching(constraints, performer.supports, performer.match.matching.target, performer.match.skins)
+def _reaching(performer: Performer, constraints: Constraints) -> LimbReach:
+    """The limbs of a performer, to be moved to its constraints."""
+    return LimbReach(constraints, performer.supports, performer.match.matching.target, performer.match.skins)
 
 
 def _largest_error(performer: Performer, constraints: Constraints, posed: Motion) -> float:
@@ -222,7 +223,7 @@ def _errors(performer: Performer, constraints: Constraints, posed: Motion) -> It
     """Yield constraints with their errors in a motion, (frames,) [file units]; 0 where the weight is less than 1."""
     clip = constraints.clip
     for constraint in constraints:
-        off = lengths(off_by(constraints, constraint, posed, performer.supports, performer.match.skins)) * clip.unit
+        off = lengths(correction(constraints, constraint, posed, performer.supports, performer.match.skins)) * clip.unit
         yield constraint, np.where(constraint.frames & (constraint.weight == 1.0), off, 0.0)
 
 

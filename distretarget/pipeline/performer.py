@@ -33,7 +33,7 @@ from distretarget.objectives.heels import with_low_heels
 from distretarget.objectives.knees import with_straight_knees
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
-from distretarget.objectives.skin import Reach, with_skin
+from distretarget.objectives.skin import LimbTargets, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.objectives.swing import with_swinging_feet_up
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
@@ -236,13 +236,15 @@ class Performer:
         return posed_motion(self.clip.copy, poses.v, self.clip.parts, self.clip.root + poses.v[:, -1])
 
     def with_own_skin(
-        self, posed: Motion, reach: Reach | None = None, wanted: Flags | None = None, own_contacts: Array | None = None
+        self,
+        posed: Motion,
+        targets: LimbTargets | None = None,
+        wanted: Flags | None = None,
+        self_contact: Array | None = None,
     ) -> Motion:
-        """Return a motion with its limbs bent out of the performer's own skin, and as far as `reach` asks; without skin
-        the same motion. `own_contacts`, (frames, limbs), weigh contacts with its own body; see `with_skin`.
-        """
+        """Return a motion with its limbs bent by `with_skin`; the same motion without skin."""
         if skins := self.match.skins:
-            return with_skin(self.clip, skins, posed, self.supports, self.settings, reach, wanted, own_contacts)
+            return with_skin(self.clip, skins, posed, self.supports, self.settings, targets, wanted, self_contact)
         return posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:

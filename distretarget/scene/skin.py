@@ -23,18 +23,18 @@ from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers
-from distretarget.objectives.anchors import no_anchors, shared_hands, tie
+from distretarget.objectives.anchors import anchor_weight, no_anchors, shared_hands
 from distretarget.objectives.body_skin import BodySkin, Skins
+from distretarget.objectives.contact_zones import APART, ContactZones, gaps_of_pairs
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
-from distretarget.objectives.skin import brought_out, how_free, how_touching, limb_places, nearness, softness
-from distretarget.objectives.spots import APART, Spots, of_pairs
+from distretarget.objectives.skin import how_free, how_touching, limb_displacements, limb_places, nearness, softness
 from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
 from distretarget.scene.contacts import PropContacts, SceneContacts, common_shots
 from distretarget.scene.props import PropSurface, nearest_places
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
-from distretarget.skin.capsules import PLACE, SEGMENTS
+from distretarget.skin.capsules import GROUP, SEGMENTS
 from distretarget.skin.displacement import NOTHING
 from distretarget.skin.limbs import bent
 from distretarget.skin.tangents import Displaced
@@ -98,13 +98,13 @@ class Bodies:
         )
         pairs = [b.pairs + i * COUNT for i, b in enumerate(own) if not (are_sticks and are_sticks[i])]
         pairs += [_pairs_between(own, *both) for both in permutations(range(len(own)), 2)]
-        spare = np.zeros((balls[-1], capsules[-1]))
+        gap_offsets = np.zeros((balls[-1], capsules[-1]))
         for i, (b, scale) in enumerate(zip(own, scales, strict=True)):
             rows, columns = slice(balls[i], balls[i + 1]), slice(capsules[i], capsules[i + 1])
-            spare[rows][(b.spare == NEVER).all(axis=1)] = NEVER
-            spare[rows, columns] = np.where(b.spare == NEVER, NEVER, scale * b.spare)
+            gap_offsets[rows][(b.gap_offsets == NEVER).all(axis=1)] = NEVER
+            gap_offsets[rows, columns] = np.where(b.gap_offsets == NEVER, NEVER, scale * b.gap_offsets)
         radii = np.repeat([shape.radius for shape in shapes], balls[-1])
-        spare_of_prop = np.where(np.eye(balls[-1], dtype=bool) & (spare != NEVER).any(axis=1), 0.0, NEVER)
+        gap_offsets_of_prop = np.where(np.eye(balls[-1], dtype=bool) & (gap_offsets != NEVER).any(axis=1), 0.0, NEVER)
         of_ball, of_capsule = _starts([b.of_ball for b in own], balls), _starts([b.of_capsule for b in own], capsules)
         to_props = [capsules[-1] + k * balls[-1] + of_ball[1:] for k in range(len(shapes))]
         between = sum(map(len, pairs))
@@ -113,7 +113,7 @@ class Bodies:
             pairs.append(colliding[:, None] + COUNT * np.array([i, len(own) * (k + 1) + i]))
         self.balls = Balls(
             carriers=np.concatenate([b.carriers + first for b, first in zip(own, capsules, strict=False)]),
-            places=np.concatenate([b.places for b in own]),
+            fractions=np.concatenate([b.fractions for b in own]),
             radii=np.concatenate([scale * b.radii for b, scale in zip(own, scales, strict=True)]),
             joints=np.concatenate([*(b.joints for b in own), np.zeros(len(radii), np.intp)]),
             cap_radii=np.concatenate(
@@ -122,7 +122,7 @@ class Bodies:
             of_ball=np.concatenate([of_ball, *[np.full(len(of_ball) - 1, balls[-1])] * len(shapes)]),
             of_capsule=np.concatenate([of_capsule, *to_props]),
             pairs=np.concatenate(pairs),
-            spare=np.concatenate([spare, *[spare_of_prop] * len(shapes)], axis=1),
+            gap_offsets=np.concatenate([gap_offsets, *[gap_offsets_of_prop] * len(shapes)], axis=1),
         )
         self.parts = self.balls.pairs % COUNT
         self.parts[between:, 1] = HARD
@@ -156,7 +156,7 @@ class Bodies:
         ends = [skin.unit / self.unit * skin.posed(motion) for skin, motion in zip(self.skins, motions, strict=True)]
         posed = np.concatenate(ends, axis=1)
         if self.shapes:
-            t, of_limbs = self.balls.places[:, None], posed[:, self.balls.carriers]
+            t, of_limbs = self.balls.fractions[:, None], posed[:, self.balls.carriers]
             centres = (1.0 - t) * of_limbs[:, :, 0] + t * of_limbs[:, :, 1]
             props = zip(self.shapes, self.moved(motions), strict=True)
             posed = np.concatenate([posed, *(self._proxies(*prop, centres) for prop in props)], axis=1)
@@ -248,7 +248,7 @@ def _with_own_skins(
             own = np.isin(pairs, row * COUNT + segments).any(axis=1)
             touching[:, number] = near[:, own & between].max(axis=1, initial=0.0)
         others = np.maximum(one.clip.widened(touching, BLEND), _pull(_with_springs(one, drawn[i]), skin.target))
-        posed[i] = one.with_own_skin(unbent[i], own_contacts=1.0 - others)
+        posed[i] = one.with_own_skin(unbent[i], self_contact=1.0 - others)
     return posed
 
 
@@ -291,13 +291,13 @@ def _separated(
     """The motions with limbs bent out of other bodies and props, and hands drawn to what they touch of these."""
     balls, clips = bodies.balls, [each.clip for each in performers]
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
-    in_source = of_pairs(in_source, sources.balls.pairs, balls.pairs)
+    in_source = gaps_of_pairs(in_source, sources.balls.pairs, balls.pairs)
     least = np.where(bodies.encloses, np.minimum(in_source, 0.0), 0.0)
     soft, gaps = np.maximum(softness(balls, bodies.parts, in_source), -least), bodies.gaps(posed)
     (one, other), parts = (balls.pairs // COUNT).T, bodies.parts
-    spots = Spots.of(balls.pairs[:, 0], PLACE[parts[:, 1]] + COUNT * other)  # on each performer and prop
+    zones = ContactZones.of(balls.pairs[:, 0], GROUP[parts[:, 1]] + COUNT * other)  # on each performer and prop
     of_hands = np.where((one != other) & IS_HAND[parts].any(axis=1), in_source, APART)
-    touching = how_touching(spots, spots.least(of_hands)) * smoothstep(4.0 * (1.0 - spots.least(gaps) / DRAWN_WITHIN))
+    touching = how_touching(zones, zones.least(of_hands)) * smoothstep(4.0 * (1.0 - zones.least(gaps) / DRAWN_WITHIN))
     free = []  # not while springs draw limbs to a prop without a shape
     for performer, skin in zip(performers, bodies.skins, strict=True):
         undrawn = 1.0 - _pull(performer, skin)
@@ -309,11 +309,11 @@ def _separated(
         limbs=bodies.limbs(posed),
         free=np.concatenate(free, axis=1),
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
-        aims=spots.least(np.maximum(in_source, least)),
+        target_gaps=zones.least(np.maximum(in_source, least)),
         firmness=touching,
-        **_anchors_on_others(sources, bodies, [clip.source for clip in clips], posed, spots, in_source, touching),
+        **_anchors_on_others(sources, bodies, [clip.source for clip in clips], posed, zones, in_source, touching),
     )
-    moves = brought_out(balls, bodies.displaced, spots, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
+    moves = limb_displacements(balls, bodies.displaced, zones, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
     return bodies.bent(posed, moves)
 
 
@@ -322,12 +322,12 @@ def _anchors_on_others(
     bodies: Bodies,
     source_motions: Sequence[Motion],
     posed: Sequence[Motion],
-    spots: Spots,
+    zones: ContactZones,
     in_source: Array,
     firmness: Array,
 ) -> dict[str, Array]:
     """The anchor fields of `Frames`, which bring the middle of a hand to the same place of another performer's body as
-    in `source_motions`; `posed`, `spots`, `in_source` and `firmness` as in `anchors`.
+    in `source_motions`; `posed`, `zones`, `in_source` and `firmness` as in `anchors`.
     """
     count, kinds = len(bodies.skins), len(STEADY_PARTS)
     firsts = np.cumsum([0, *(len(skin.limbs) for skin in bodies.skins)])
@@ -342,11 +342,11 @@ def _anchors_on_others(
             points, now = _middle(one, source_motions[i], hand), _middle(other, posed[i], hand)
             places, out, _ = rays(*axes, np.repeat(points[:, None, None], len(PARTS), axis=2))
             at = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds]
-            fields["off"][at] = (now[:, None] - places[:, 0, :kinds]) / bodies.unit
-            fields["rays"][at] = out[:, 0, :kinds]
+            fields["anchor_offsets"][at] = (now[:, None] - places[:, 0, :kinds]) / bodies.unit
+            fields["anchor_rays"][at] = out[:, 0, :kinds]
             ends = [(i * COUNT + hand, j * COUNT + parts) for parts in STEADY_PARTS]
-            ties = [tie(bodies.balls.pairs, spots, *both, in_source, firmness) for both in ends]
-            fields["ties"][at] = np.stack(ties, axis=1)
+            ties = [anchor_weight(bodies.balls.pairs, zones, *both, in_source, firmness) for both in ends]
+            fields["anchor_weights"][at] = np.stack(ties, axis=1)
     return fields
 
 

@@ -38,7 +38,7 @@ from distretarget.pipeline.performer import Performer
 from distretarget.scene.contacts import SceneContacts, common_shots, copy_on_path, find_scene_contacts, moved_by
 from distretarget.scene.props import PlacedProp, Placement, nearest_on_bones
 from distretarget.scene.skin import with_skins
-from distretarget.skin.balls import write_ways
+from distretarget.skin.balls import write_exit_distances
 from distretarget.skin.capsules import SEGMENTS
 
 BALLS = 5  # along each capsule
@@ -84,7 +84,7 @@ class Core:
         """
         distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
-        write_ways(centres, radii, others, other_radii, along, overlap, ahead, distances)
+        write_exit_distances(centres, radii, others, other_radii, along, overlap, ahead, distances)
         return distances
 
 

@@ -1,7 +1,7 @@
-"""Balls along the limbs of a body, the pairs of limb and body part whose surfaces can touch, and their gaps.
+"""Balls along the limbs of a body, the pairs of body segments whose surfaces can touch, and their gaps.
 
-A limb is a row of balls: a ball and a capsule always touch in one point, while two capsules that lie side
-by side touch along a line, and the point that counts would jump from end to end.
+A limb is a row of balls: a ball and a capsule are nearest in one point, while two capsules side by side are about
+equally near along a line, and their nearest point would jump from end to end.
 """
 
 from __future__ import annotations
@@ -17,17 +17,17 @@ from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, TRUNK_SEGMENTS, 
 
 SPACING = 1.2  # between the balls of a limb [radii]
 MOST_BALLS = 7  # of a capsule
-NEVER = 1e9  # the spare gap of a ball and a capsule that never meet
-OVERLAP = 0.5  # balls that are deeper than this in another part in the reference pose do not meet it [radii]
+NEVER = 1e9  # the gap offset of a ball and a capsule whose gap is ignored
+OVERLAP = 0.5  # the gap of a ball that is deeper than this in a capsule in the reference pose is ignored [radii]
 
 NO_SEGMENTS = np.zeros(0, np.intp)
 ARM_PARTS, LEG_PARTS = LIMB_SEGMENTS[:3], LIMB_SEGMENTS[3:]
 
 
 def _touching_segments() -> list[tuple[int, int]]:
-    """The pairs of segments that can touch, numbers of `SEGMENTS`: arms and trunk, arms and legs, the two arms, hand
-    and shoulder of one arm, and the two legs. Of the two arms, and of the two legs, each is balls once, so that a body
-    and its mirror image are alike; but a hand or a forearm touches an upper arm, and not the upper arm the hand.
+    """The segments that can touch, indices of `SEGMENTS` of balls and of capsules: arms and trunk, arms and legs, the
+    two arms, hand and shoulder of one arm, and the two legs. Each of the two arms is balls once, and so are legs, so
+    that a body and its mirror image are treated alike; but with hands and forearms, upper arms are capsules only.
     """
     number = SEGMENTS.index
     pairs = []
@@ -47,19 +47,20 @@ class Balls(NamedTuple):
     """The balls of the limbs and the capsules of all parts of a body, each ordered by segment."""
 
     carriers: I1  # (balls,), the capsule whose axis each ball is on
-    places: F1  # (balls,), where on it, from 0 to 1
+    fractions: F1  # (balls,), its position along that axis, 0 to 1
     radii: F1  # (balls,)
     joints: I1  # (capsules,), the joint that carries each capsule
     cap_radii: F2  # (capsules, 2)
     of_ball: I1  # (segments + 1,), the first ball of each segment
     of_capsule: I1  # (segments + 1,), the first capsule of each segment
     pairs: I2  # (pairs, 2), the segments that can touch: that of the balls, that of the capsules
-    # (balls, capsules), the gap in the reference pose where it is less than 0; `NEVER` where the two do not meet
-    spare: F2
+    # (balls, capsules), subtracted from gaps: the gap in the reference pose if that is negative, else 0, less the
+    # overlap that soft tissue allows; `NEVER` for gaps that are ignored
+    gap_offsets: F2
 
 
 def mean_radii(balls: Balls) -> Array:
-    """Return the mean radius of the capsules of each segment, (segments,); 0 for segments without any."""
+    """Return the mean radius of the capsules of each segment, (segments,); 0 for segments without capsules."""
     first = balls.of_capsule
     of_segment = np.repeat(np.arange(len(first) - 1), np.diff(first))
     sums = np.bincount(of_segment, balls.cap_radii[: first[-1]].mean(axis=1), len(first) - 1)
@@ -67,37 +68,37 @@ def mean_radii(balls: Balls) -> Array:
 
 
 def balls_of(capsules: Capsules, posed: Array) -> Balls:
-    """The balls of a body; `posed`, (capsules, 2, 3), are the ends of its ordered capsules in the reference pose."""
-    carriers, places = _rows(capsules)
-    radii = (1.0 - places) * capsules.radii[carriers, 0] + places * capsules.radii[carriers, 1]
+    """Return the balls of a body with ordered capsules that end at `posed`, (capsules, 2, 3), in the reference pose."""
+    carriers, fractions = _rows(capsules)
+    radii = (1.0 - fractions) * capsules.radii[carriers, 0] + fractions * capsules.radii[carriers, 1]
     segments = np.arange(len(SEGMENTS) + 1)
     of_ball = np.searchsorted(capsules.segments[carriers], segments)
     of_capsule = np.searchsorted(capsules.segments, segments)
     pairs = np.array(_touching_segments(), np.intp)
     pairs = pairs[(np.diff(of_ball)[pairs[:, 0]] > 0) & (np.diff(of_capsule)[pairs[:, 1]] > 0)]
-    spare = np.full((len(carriers), len(capsules)), NEVER)
-    balls = Balls(carriers, places, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, spare)
-    _write_spare(balls, posed, np.zeros(3), np.zeros(8), spare)
+    gap_offsets = np.full((len(carriers), len(capsules)), NEVER)
+    balls = Balls(carriers, fractions, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, gap_offsets)
+    _write_gap_offsets(balls, posed, np.zeros(3), np.zeros(8), gap_offsets)
     return balls
 
 
 def _rows(capsules: Capsules) -> tuple[Numbers, Array]:
-    """The capsule and the place on it of each ball."""
+    """The capsule of each ball, and its fraction along the capsule's axis."""
     limbs = [each for each, segment in enumerate(capsules.segments.tolist()) if " " in SEGMENTS[segment]]
     carriers: list[int] = []
-    places: list[float] = []
+    fractions: list[float] = []
     for capsule in limbs:
         length = float(np.linalg.norm(capsules.ends[capsule, 1] - capsules.ends[capsule, 0]))
         count = int(np.clip(np.ceil(length / (SPACING * capsules.radii[capsule].mean())) + 1, 2, MOST_BALLS))
         count = 1 if length < 0.1 * capsules.radii[capsule].mean() else count
         carriers += [capsule] * count
-        places += np.linspace(0.0, 1.0, count).tolist() if count > 1 else [0.5]
-    return np.array(carriers, np.intp), np.array(places)
+        fractions += np.linspace(0.0, 1.0, count).tolist() if count > 1 else [0.5]
+    return np.array(carriers, np.intp), np.array(fractions)
 
 
 @compiled()
-def _write_spare(balls: Balls, posed: F3, p: Out[F1], axis: Out[F1], spare: Out[F2]) -> None:
-    """Write `Balls.spare`; the balls that meet a capsule have a finite value."""
+def _write_gap_offsets(balls: Balls, posed: F3, p: Out[F1], axis: Out[F1], gap_offsets: Out[F2]) -> None:
+    """Write `Balls.gap_offsets` of gaps that are not ignored: the gap in the reference pose, if negative, else 0."""
     for pair in range(len(balls.pairs)):
         a, b = balls.pairs[pair, 0], balls.pairs[pair, 1]
         for capsule in range(balls.of_capsule[b], balls.of_capsule[b + 1]):
@@ -106,24 +107,24 @@ def _write_spare(balls: Balls, posed: F3, p: Out[F1], axis: Out[F1], spare: Out[
                 _write_centre(balls, posed, ball, p)
                 gap = gap_at(p, balls.radii[ball], axis, balls.cap_radii[capsule])[0]
                 if gap > -OVERLAP * balls.radii[ball]:
-                    spare[ball, capsule] = min(gap, 0.0)
+                    gap_offsets[ball, capsule] = min(gap, 0.0)
 
 
-# ---- where balls and capsules are in a frame, which of them are near, and how far they are apart
+# ---- balls and capsules posed in a frame, pairs of them that may be near, and their gaps
 
 
 class Placed(NamedTuple):
-    """Where balls and capsules are in a frame, and pairs of them that may be near."""
+    """Balls and capsules posed in a frame, and pairs of them that may be near."""
 
-    centres: F2  # (balls, 4), and their radii
+    centres: F2  # (balls, 4), centre and radius
     axes: F2  # (capsules, 8), see `capsules.write_axis`
-    spheres: F2  # (capsules, 4), the centre and the radius of a ball that holds each
-    of_segments: F2  # (segments, 4), the same of the capsules of each segment
-    meetings: I2  # (meetings, 2), a ball and a capsule
+    spheres: F2  # (capsules, 4), centre and radius of a sphere round each
+    of_segments: F2  # (segments, 4), centre and radius of a sphere round the capsules of each segment
+    candidates: I2  # (candidates, 2), ball and capsule of pairs that may be near
 
 
 def room_for(balls: Balls) -> Placed:
-    """Return room for the balls and capsules of a frame."""
+    """Return scratch for the balls and capsules of a frame."""
     capsules, (first, second) = len(balls.joints), balls.pairs.T
     most = np.diff(balls.of_ball)[first] * np.diff(balls.of_capsule)[second]
     return Placed(
@@ -131,13 +132,13 @@ def room_for(balls: Balls) -> Placed:
         axes=np.zeros((capsules, 8)),
         spheres=np.zeros((capsules, 4)),
         of_segments=np.zeros((len(balls.of_capsule) - 1, 4)),
-        meetings=np.zeros((most.max(initial=0), 2), np.intp),
+        candidates=np.zeros((most.max(initial=0), 2), np.intp),
     )
 
 
 @inlined(fastmath=True)
 def place(balls: Balls, ends: Array, placed: Placed) -> None:
-    """Write where the balls and capsules of a frame are, the ends of whose axes are `ends`, (capsules, 2, 3)."""
+    """Pose the balls and capsules for axes that end at `ends`, (capsules, 2, 3)."""
     for capsule in range(len(balls.joints)):
         axis, sphere, radii = placed.axes[capsule], placed.spheres[capsule], balls.cap_radii[capsule]
         write_axis(ends[capsule], radii, axis)
@@ -145,7 +146,7 @@ def place(balls: Balls, ends: Array, placed: Placed) -> None:
             sphere[i] = axis[i] + 0.5 * axis[3 + i]
         sphere[3] = 0.5 * np.sqrt(axis[3] ** 2 + axis[4] ** 2 + axis[5] ** 2) + max(radii[0], radii[1])
     for ball in range(len(balls.carriers)):
-        axis, t = placed.axes[balls.carriers[ball]], balls.places[ball]
+        axis, t = placed.axes[balls.carriers[ball]], balls.fractions[ball]
         for i in range(3):
             placed.centres[ball, i] = axis[i] + t * axis[3 + i]
         placed.centres[ball, 3] = balls.radii[ball]
@@ -170,14 +171,14 @@ def _write_sphere(spheres: Array, around: Array) -> None:
 
 @inlined(fastmath=True)
 def is_near(one: Array, other: Array, far: float) -> bool:
-    """Whether two spheres, (4,), are nearer than this."""
+    """Whether the gap between two spheres, (4,), is less than `far`."""
     square = (one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2
     return bool(square < max(one[3] + other[3] + far, 0.0) ** 2)
 
 
 @inlined(fastmath=True)
-def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
-    """Write the balls and capsules of a pair of segments that may be nearer than this; return how many there are."""
+def find_candidates(balls, pair, far, placed):  # type: ignore[no-untyped-def]
+    """Write the candidates of a segment pair, whose gap may be less than `far`; return their number."""
     count, limb, part = 0, balls.pairs[pair, 0], balls.pairs[pair, 1]
     if not is_near(placed.of_segments[limb], placed.of_segments[part], far):
         return 0
@@ -189,26 +190,26 @@ def find_meetings(balls, pair, far, placed):  # type: ignore[no-untyped-def]
                 sphere, near = placed.spheres[carrier], False
                 if is_near(sphere, placed.spheres[capsule], far):
                     near = may_touch(sphere, placed.axes[capsule], balls.cap_radii[capsule], far)
-            if not near or balls.spare[ball, capsule] == NEVER:
+            if not near or balls.gap_offsets[ball, capsule] == NEVER:
                 continue
             if may_touch(placed.centres[ball], placed.axes[capsule], balls.cap_radii[capsule], far):
-                placed.meetings[count, 0], placed.meetings[count, 1] = ball, capsule
+                placed.candidates[count, 0], placed.candidates[count, 1] = ball, capsule
                 count += 1
     return count
 
 
 @inlined(fastmath=True)
 def gap_of(balls, ball, capsule, placed):  # type: ignore[no-untyped-def]
-    """`capsules.gap_at` of a ball and a capsule, less than 0 only beyond the overlap of the reference pose."""
+    """`capsules.gap_at` of a ball and a capsule, with the gap less its offset, see `Balls.gap_offsets`."""
     radii = balls.cap_radii[capsule]
     gap, t, x, y, z = gap_at(placed.centres[ball], balls.radii[ball], placed.axes[capsule], radii)
-    return gap - balls.spare[ball, capsule], t, x, y, z
+    return gap - balls.gap_offsets[ball, capsule], t, x, y, z
 
 
 def segment_gaps(balls: Balls, posed: Array, farthest: float) -> Array:
-    """Return the least gap of each pair of segments in each frame, (frames, pairs), or `farthest` if that is less, for
-    capsules whose ends are at `posed`, (frames, capsules, 2, 3); in the unit of `posed` and of the radii. Overlaps
-    count only beyond those of the reference pose.
+    """Return the least gap of each segment pair in each frame, (frames, pairs), at most `farthest`, for capsules whose
+    ends are at `posed`, (frames, capsules, 2, 3); in the unit of `posed` and of the radii. Overlaps count only beyond
+    those of the reference pose.
     """
     gaps = np.empty((len(posed), len(balls.pairs)))
 
@@ -225,17 +226,17 @@ def _write_gaps(balls: Balls, posed: F4, farthest: float, placed: Placed, gaps: 
         place(balls, posed[frame], placed)
         for pair in range(len(balls.pairs)):
             least = farthest
-            for meeting in range(find_meetings(balls, pair, farthest, placed)):
-                ball, capsule = placed.meetings[meeting, 0], placed.meetings[meeting, 1]
+            for n in range(find_candidates(balls, pair, farthest, placed)):
+                ball, capsule = placed.candidates[n, 0], placed.candidates[n, 1]
                 if may_touch(placed.centres[ball], placed.axes[capsule], balls.cap_radii[capsule], least):
                     least = min(least, gap_of(balls, ball, capsule, placed)[0])
             gaps[frame, pair] = least
 
 
 def nearest_skin(balls: Balls, posed: Array, pairs: Numbers, of_first: Numbers = NO_SEGMENTS) -> tuple[Array, Array]:
-    """Return the least gap of some `pairs` of segments in each frame, (frames,), and the direction there to those of
-    the segments `of_first`, (frames, 3). Capsules end at `posed`, (frames, capsules, 2, 3); gaps are as in
-    `segment_gaps`.
+    """Return the least gap of all segment pairs of the indices `pairs` in each frame, (frames,), and its direction,
+    (frames, 3), towards the segment of the pair that is one of `of_first`. Capsules end at `posed`, (frames, capsules,
+    2, 3); gaps are as in `segment_gaps`.
     """
     gaps, away = np.full(len(posed), NEVER), np.zeros((len(posed), 3))
     signs = np.where(np.isin(balls.pairs[pairs, 0], of_first), 1.0, -1.0)
@@ -248,20 +249,21 @@ def _write_nearest(balls: Balls, posed: F4, pairs: I1, signs: F1, placed: Placed
     for frame in range(len(posed)):
         place(balls, posed[frame], placed)
         for pair, sign in zip(pairs, signs):  # noqa: B905 - compiled
-            for meeting in range(find_meetings(balls, pair, gaps[frame], placed)):
-                gap, _, x, y, z = gap_of(balls, placed.meetings[meeting, 0], placed.meetings[meeting, 1], placed)
+            for n in range(find_candidates(balls, pair, gaps[frame], placed)):
+                gap, _, x, y, z = gap_of(balls, placed.candidates[n, 0], placed.candidates[n, 1], placed)
                 if gap < gaps[frame]:
                     gaps[frame], away[frame, 0], away[frame, 1], away[frame, 2] = gap, sign * x, sign * y, sign * z
 
 
 @compiled(fastmath=True)
-def write_ways(
-    centres: F3, radii: F1, others: F3, other_radii: F1, along: F2, give: float, ahead: float, ways: Out[F1]
+def write_exit_distances(
+    centres: F3, radii: F1, others: F3, other_radii: F1, along: F2, give: float, ahead: float, exits: Out[F1]
 ) -> None:
-    """Write the largest way of any ball out of any other: with d between their centres, and R the sum of their radii,
-    it is x = sqrt(R^2 - d^2 + (d n)^2) - d n along n.
+    """Write the distance by which balls leave others along unit vectors n, (frames, 3): the largest x = sqrt(R^2 - d^2
+    + (d n)^2) - d n of any two, with d the vector between their centres, and R the sum of their radii less `give`.
+    Pairs with a cosine of d and n below `ahead` do not count.
     """
-    for frame in range(len(ways)):
+    for frame in range(len(exits)):
         n = along[frame]
         for a in range(len(radii)):
             p = centres[frame, a]
@@ -270,12 +272,12 @@ def write_ways(
                 x, y, z = p[0] - q[0], p[1] - q[1], p[2] - q[2]
                 square, by = x * x + y * y + z * z, x * n[0] + y * n[1] + z * n[2]
                 if reach > 0.0 and square < reach * reach and by >= ahead * np.sqrt(square):
-                    ways[frame] = max(ways[frame], np.sqrt(reach * reach - square + by * by) - by)
+                    exits[frame] = max(exits[frame], np.sqrt(reach * reach - square + by * by) - by)
 
 
 def ball_gaps(balls: Balls, posed: Array, segment: int, capsules: Numbers) -> Array:
     """Return the least gap of each ball of a segment to some capsules in each frame, (frames, balls). Capsules end at
-    `posed`, (frames, capsules, 2, 3); overlaps count in full.
+    `posed`, (frames, capsules, 2, 3). Gap offsets are not subtracted.
     """
     gaps = np.full((len(posed), np.diff(balls.of_ball)[segment]), NEVER)
     _write_ball_gaps(balls, posed, int(balls.of_ball[segment]), capsules, np.zeros(3), np.zeros(8), gaps)
@@ -298,6 +300,6 @@ def _write_ball_gaps(
 @inlined()
 def _write_centre(balls: Balls, ends: Array, ball: int, p: Array) -> None:
     """Write the centre of a ball, (3,), for capsules that end at `ends`, (capsules, 2, 3)."""
-    carrier, t = balls.carriers[ball], balls.places[ball]
+    carrier, t = balls.carriers[ball], balls.fractions[ball]
     for i in range(3):
         p[i] = (1.0 - t) * ends[carrier, 0, i] + t * ends[carrier, 1, i]

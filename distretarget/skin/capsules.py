@@ -1,4 +1,4 @@
-"""Tapered capsules, balls of changing radius that move with joints: how near other balls come, and their surface."""
+"""Tapered capsules that move with joints, the gaps of balls to them, and the segments of a body."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # it needs scipy, which the build does without
 
 LEAST = 1e-9  # a shorter axis is a point, and a smaller distance has no direction [any unit of length]
 MOST_TAPER = 0.99  # of the radius per length of the axis; beyond, the larger ball holds the smaller
-HOLDS = 1e9  # stands for the last number of an axis that is a point with the larger radius at its end
+HOLDS = 1e9  # the last number of the axis of a capsule that is a point, if the radius at its end is the larger
 
 # The parts of a body whose surfaces can touch.
 LIMB_SEGMENTS = ("hand", "forearm", "upper arm", "thigh", "shin", "foot")
@@ -26,16 +26,16 @@ TRUNK_SEGMENTS = ("head", "neck", "chest", "belly", "pelvis")
 SEGMENTS = (*(f"{side} {part}" for part in LIMB_SEGMENTS for side in ("left", "right")), *TRUNK_SEGMENTS)
 IS_ARM = np.array(["arm" in name or "hand" in name for name in SEGMENTS])  # (segments,)
 
-# Segments that are one place to be touched: what is meant for one of them is meant for all.
-PLACES = (
+# Segments that count as one in contacts: a hand on the belly may touch chest, pelvis or thighs as well.
+GROUPS = (
     ("head", "neck"),
     ("chest", "belly", "pelvis", "left thigh", "right thigh"),
     ("left shin", "right shin", "left foot", "right foot"),
     ("left hand", "left forearm", "left upper arm"),
     ("right hand", "right forearm", "right upper arm"),
 )
-# (segments + 1,), the number of the place that each segment belongs to; -1 for the last, which is none
-PLACE = np.array([next(k for k, names in enumerate(PLACES) if name in names) for name in SEGMENTS] + [-1])
+# (segments + 1,), the index of the group that each segment belongs to; -1 for the last entry, which stands for none
+GROUP = np.array([next(k for k, names in enumerate(GROUPS) if name in names) for name in SEGMENTS] + [-1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Capsules:
     joints: Numbers  # (capsules,), the joint that carries each
     ends: Array  # (capsules, 2, 3), the ends of its axis relative to the joint while no joint is turned [file units]
     radii: Array  # (capsules, 2), the radius at each end [file units]
-    segments: Numbers  # (capsules,), the part of the body that each belongs to, a number of `SEGMENTS`
+    segments: Numbers  # (capsules,), the segment that each belongs to, an index of `SEGMENTS`
 
     def __len__(self) -> int:
         return len(self.joints)
@@ -94,8 +94,9 @@ def no_capsules() -> Capsules:
 
 @inlined(fastmath=True)
 def write_axis(ends: Array, radii: Array, axis: Array) -> None:
-    """Write what `gap_at` needs of a tapered capsule, (8,): one end of its axis, the way to the other, and with the
-    length L and the taper c = (r_1 - r_0) / L also 1 / L^2 and c / sqrt(1 - c^2) / L. `ends` are (2, 3), `radii` (2,).
+    """Write the eight numbers of a tapered capsule for `gap_at`: one end of its axis, the vector to the other, and with
+    the length L and the taper c = (r_1 - r_0) / L also 1 / L^2 and c / sqrt(1 - c^2) / L. `ends` are (2, 3), `radii`
+    (2,).
     """
     square = 0.0
     for i in range(3):
@@ -111,8 +112,8 @@ def write_axis(ends: Array, radii: Array, axis: Array) -> None:
 
 @inlined(fastmath=True)
 def gap_at(p, radius, axis, radii):  # type: ignore[no-untyped-def]
-    """The gap between a ball about p, (3,), and a tapered capsule, negative where they overlap; where on its axis the
-    ball of the capsule is that is nearest, from 0 to 1; and the direction from there to p.
+    """The gap between a ball about p, (3,), and a tapered capsule, negative where they overlap; the fraction t along
+    the axis at which the surface of the capsule is nearest; and the direction from there to p.
 
     With z along the axis of length L and h across it, the distance sqrt(h^2 + (z - L t)^2) - (1 - t) r_0 - t r_1 is
     least where L t = z + c h / sqrt(1 - c^2).
@@ -129,7 +130,7 @@ def gap_at(p, radius, axis, radii):  # type: ignore[no-untyped-def]
 
 @inlined(fastmath=True)
 def may_touch(ball: Array, axis: Array, radii: Array, far: float) -> bool:
-    """Whether a ball, (4,), may be nearer to a tapered capsule than this: to one as thick as its thicker end it is."""
+    """Whether the gap of a ball, (4,), to a capsule with the larger radius all along is less than `far`."""
     x, y, z = ball[0] - axis[0], ball[1] - axis[1], ball[2] - axis[2]
     t = max(min((x * axis[3] + y * axis[4] + z * axis[5]) * axis[6], 1.0), 0.0)
     x, y, z = x - t * axis[3], y - t * axis[4], z - t * axis[5]

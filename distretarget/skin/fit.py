@@ -1,7 +1,7 @@
-"""Capsules found from a mesh and its skin weights.
+"""Fits capsules to a mesh by its skin weights.
 
-The cross-section of a part of a body is taken as 2 a wide and 2 b high, a >= b. One capsule along the part stands for
-it where it is nearly round, else several side by side, b from its edges. Their radii are such that they cover the share
+The cross-section of a part of a body is taken as 2 a wide and 2 b high, a >= b. If it is nearly round, the part gets
+one capsule, else several side by side, with axes b from its edges. Their radii are such that they cover the share
 `COVERED` of the surface.
 """
 
@@ -15,26 +15,26 @@ from scipy.spatial import KDTree
 
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
-from distretarget.skin.capsules import PLACE, SEGMENTS, Capsules, no_capsules
+from distretarget.skin.capsules import GROUP, SEGMENTS, Capsules, no_capsules
 from distretarget.skin.mesh import SkinnedMesh
 
-MOST_POINTS = 30_000  # on the mesh that are looked at
+MOST_POINTS = 30_000  # that the mesh is sampled with
 FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
 QUARTERS = np.array([[2, 2, 2], [4, 1, 1], [1, 4, 1], [1, 1, 4]]) / 6  # the middles of a triangle's four quarters
 EDGES = 3.0, 97.0  # percentiles of the surface at which a part ends [%]
 COVERED = 0.7  # of the surface of a part [0 to 1]
-COVERED_HARD = 0.85  # the same of hands and heads, which do not give way
+COVERED_HARD = 0.85  # the same of hands and heads, which are hard
 ROUND = 1.25  # of most parts, see `Part`
 DENT = 0.25  # how deep the dents between capsules side by side may be [radii]
-SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # in which skin is compared with cloth
-CLOTH = 1.6  # what is farther than this from a leg's bone is cloth [distance of the skin there]
-# What rigid pieces have farther than `OFF_SKIN` from the skin of trunk and head is a hat's brim, a cape or a scabbard.
-# Where all pieces are rigid, the skin is no smaller than `LEAST_SKIN` of the largest.
+SIDES_OF_LEG, LEVELS_OF_LEG = 12, 8  # cells round and along a leg, in each of which skin is told from cloth
+CLOTH = 1.6  # points farther than this from a leg's bone are cloth [distance of the skin there]
+# Points of rigid pieces that are farther than `OFF_SKIN` from the skin of trunk and head are a hat's brim, a cape or a
+# scabbard. If all pieces are rigid, the skin is one with at least the share `LEAST_SKIN` of the largest one's area.
 LEAST_SKIN = 0.1
 OFF_SKIN = 0.6  # [mean distance of the skin from the axis]
-PASSES = 3  # over all parts, each of which changes what its neighbours have to cover
+PASSES = 3  # over all parts, as the radii of each depend on those of its neighbours
 ROUNDS = 10  # of least squares
-SMOOTH = 0.01  # distances off the surface below this weigh the same [mean distances to the axis]
+SMOOTH = 0.01  # distances off the surface below this have the same weight [mean distances to the axis]
 FLAT = 0.02  # weight of a slope of 1 of the radii along the axis [of the whole surface]
 THINNEST = 0.1  # least radius [mean distances to the axis]
 
@@ -43,14 +43,14 @@ THINNEST = 0.1  # least radius [mean distances to the axis]
 class Part:
     """A part of a body whose capsules one joint carries."""
 
-    carrier: int  # the joint
-    joints: Sequence[int]  # whose surface is the part's
-    segment: int  # the number of its segment in `SEGMENTS`
-    tip: int | None = None  # the joint up to which its bone reaches; None for a part that ends where its surface does
-    parent: int | None = None  # the carrier of the part that owns the surface beyond its own joint, seen from the tip
-    axis: Array | None = None  # (3,), along it in the rest pose, without a tip; None for the middle of its surface
+    carrier: int  # the joint that carries the capsules
+    joints: Sequence[int]  # joints whose surface belongs to the part
+    segment: int  # an index of `SEGMENTS`
+    tip: int | None = None  # the joint at the end of its bone; None for a part that ends where its surface does
+    parent: int | None = None  # the carrier of the part that gets the surface beyond the carrier, seen from the tip
+    axis: Array | None = None  # (3,), along a part without a tip in the rest pose; None: to the middle of its surface
     level: Array | None = None  # (3,), the unit vector that the axis is perpendicular to; None for any
-    across: Array | None = None  # (3,), the direction in which it is wide; None for that in which its surface is
+    across: Array | None = None  # (3,), the direction in which it is wide; None to find it from the surface
     closed: tuple[bool, bool] = (True, True)  # whether the surface is closed at its start and at its end
     most: int = 3  # the number of capsules side by side, at most
     is_leg: bool = False  # whether skirts and coats may hang round it
@@ -61,14 +61,14 @@ class Part:
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """Points on a surface, (points, 3), and the area and the piece of the mesh that each stands for, (points,)."""
+    """Points on a surface, (points, 3), and the area and the index of the piece of the mesh of each, (points,)."""
 
     points: Array
     areas: Array
     pieces: Numbers
 
     def percentile(self, values: Array, percent: float) -> float:
-        """Return the value, of one each point, below which this part of the surface lies [%]."""
+        """Return the percentile of the values of points, (points,), weighted by their areas."""
         order = values.argsort()
         below = np.cumsum(self.areas[order])
         return float(np.interp(0.01 * percent * below[-1], below - 0.5 * self.areas[order], values[order]))
@@ -85,7 +85,7 @@ class _Surface:
 
 
 def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -> Capsules:
-    """Return the capsules that stand for the parts of a body; none for a part that moves next to no surface."""
+    """Return the capsules of the parts of a body; a part with hardly any surface has none."""
     surface, owners = _sampled(mesh, len(skeleton), parts)
     rest = skeleton.rest_positions
     bends = _bend(surface.pieces, owners)
@@ -110,18 +110,18 @@ def fit_capsules(mesh: SkinnedMesh, skeleton: Skeleton, parts: Sequence[Part]) -
 
 
 def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surface]], ends: Array) -> Capsules:
-    """The capsules with radii scaled so that the union of a place's capsules covers the wanted share of the surface of
-    each segment; fitted one by one they cover more. Toes stay as they are, side by side. `ends`, (capsules, 2, 3), are
-    those in the rest pose.
+    """The capsules with radii changed so that the union of a group's capsules covers the wanted share of the surface of
+    each segment; fitted one by one they cover more. Feet do not change. `ends`, (capsules, 2, 3), are those of the
+    capsules' axes in the rest pose.
     """
-    radii, places, whole = capsules.radii.copy(), PLACE[capsules.segments], []
+    radii, groups, whole = capsules.radii.copy(), GROUP[capsules.segments], []
     for segment in np.unique(capsules.segments).tolist():
         own = [(part.covered, surface) for part, surface in covered if part.segment == segment]
         if "foot" not in SEGMENTS[segment]:
             whole.append((segment, own[0][0], _Surface.joined([surface for _, surface in own])))
     for _ in range(PASSES):
         for segment, share, surface in whole:
-            near, on = places == PLACE[segment], capsules.segments == segment
+            near, on = groups == GROUP[segment], capsules.segments == segment
             away, _ = distances(surface.points, ends[near], radii[near])
             radii[on] += surface.percentile(away, 100.0 * share)
             radii[on] = np.maximum(radii[on], THINNEST * capsules.radii[on])
@@ -129,8 +129,8 @@ def _covering_together(capsules: Capsules, covered: Sequence[tuple[Part, _Surfac
 
 
 def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Surface, Numbers]:
-    """Points spread over the mesh, the middles of its triangles, or of quarters of these where they are few; and the
-    part that moves each most, (points,), -1 for what is none of the body's.
+    """Points spread over the mesh, at the centroids of its triangles, or of the quarters of these if triangles are few;
+    and for each the index of the part with the largest weight, (points,), -1 for points that belong to no part.
     """
     triangles = mesh.triangles[:: max(-(-len(mesh.triangles) // MOST_POINTS), 1)]
     part_of = np.full(joints, -1)
@@ -152,14 +152,14 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
 
 
 def _bend(pieces: Numbers, owners: Numbers) -> Flags:
-    """(pieces,), whether several parts move each piece of a mesh, by the pieces and owners of points, (points,)."""
+    """(pieces,), whether a piece of a mesh moves with several parts, by pieces and parts of points, (points,) each."""
     known = np.unique(np.stack([pieces, owners])[:, owners >= 0], axis=1)
     return np.asarray(np.bincount(known[0], minlength=pieces.max(initial=-1) + 1) > 1)
 
 
 def _owners_at_joints(surface: _Surface, owners: Numbers, parts: Sequence[Part], rest: Array) -> Numbers:
-    """The owners, (points,), with what lies beyond the joint of a part, seen from its tip, given to the part's parent:
-    thighs move the flanks above the hip joints, but these are the pelvis.
+    """The part of each point, (points,), where points beyond the joint of a part, seen from its tip, go to the part's
+    parent: the flanks above the hip joints move with the thighs, but belong to the pelvis.
     """
     owners, carriers = owners.copy(), [part.carrier for part in parts]
     for number, part in enumerate(parts):
@@ -170,8 +170,8 @@ def _owners_at_joints(surface: _Surface, owners: Numbers, parts: Sequence[Part],
 
 
 def _fitted(surface: _Surface, axes: Array, part: Part, tip: Array | None) -> tuple[Array, Array]:
-    """The ends, (capsules, 2, 3), and radii, (capsules, 2), of the capsules of a part with some surface, relative to
-    its carrier, as is the tip; `axes` are those of the part.
+    """The ends, (capsules, 2, 3), and radii, (capsules, 2), of the capsules of a part, from its surface and its axes,
+    as by `_axes`; surface, tip and ends are relative to the carrier.
     """
     along, wide, high = (surface.points @ axes).T
     reach = [surface.percentile(along, percent) for percent in EDGES]
@@ -195,8 +195,8 @@ def _fitted(surface: _Surface, axes: Array, part: Part, tip: Array | None) -> tu
 
 
 def _under_cloth(surface: _Surface, axes: Array, length: float) -> _Surface:
-    """The inner layer of a surface round a bone of some length: what is much farther out than other skin on the same
-    side of the bone, at the same height, is a skirt or a coat; above and below the bone, than the skin at its end.
+    """The inner layer of a surface round a bone: points much farther out than others on the same side of the bone at
+    the same height belong to a skirt or a coat. Points beyond the ends of the bone are compared with those at the ends.
     """
     along, wide, high = (surface.points @ axes).T
     away = np.hypot(wide, high)
@@ -209,8 +209,8 @@ def _under_cloth(surface: _Surface, axes: Array, length: float) -> _Surface:
 
 
 def _near_skin(surface: _Surface, bends: Flags, axes: Array) -> _Surface:
-    """The surface round a joint without what stands off its skin: the pieces that bend, (pieces of the mesh,), else the
-    piece nearest to the joint; and pieces that are mostly near these.
+    """The surface round a joint without points that stand off the skin. Skin are the pieces that bend, a mask, (pieces
+    of the mesh,), else the piece nearest to the joint; and all pieces that are mostly near skin.
     """
     areas, away = np.bincount(surface.pieces, surface.areas, len(bends)), lengths(surface.points)
     near: Flags = np.ones(len(away), bool)
@@ -229,7 +229,7 @@ def _near_skin(surface: _Surface, bends: Flags, axes: Array) -> _Surface:
 
 
 def _axes(surface: _Surface, part: Part, tip: Array | None) -> Array:
-    """The directions along a part, across it where it is wide, and across it where it is not, as columns, (3, 3)."""
+    """The unit vectors along a part, across its wide side, and across its narrow side, as columns, (3, 3)."""
     along = tip if tip is not None and tip.any() else part.axis
     middle = np.average(surface.points, axis=0, weights=surface.areas)
     along = middle if along is None else along
@@ -245,13 +245,13 @@ def _axes(surface: _Surface, part: Part, tip: Array | None) -> Array:
 
 
 def _width(surface: _Surface, values: Array, chosen: Flags) -> tuple[float, float]:
-    """The middle of values of some points and half of the range that they span."""
+    """The middle and half the width of the range of values of the chosen points, between the percentiles `EDGES`."""
     low, top = (surface.part(chosen).percentile(values[chosen], percent) for percent in EDGES)
     return 0.5 * (low + top), 0.5 * (top - low)
 
 
 def _count(wide: float, high: float, part: Part) -> int:
-    """How many capsules side by side stand for a cross-section, given by half its width and height."""
+    """The number of capsules side by side for a cross-section, given by half its width and height."""
     if wide <= part.round * high:
         return 1
     gap = 2.0 * high * np.sqrt(1.0 - (1.0 - DENT) ** 2)
@@ -260,7 +260,7 @@ def _count(wide: float, high: float, part: Part) -> int:
 
 def _covering(surface: _Surface, ends: Array, covered: float) -> Array:
     """The radii, (2,), at the ends of axes side by side, (capsules, 2, 3), that cover a share of a surface: quantile
-    regression of their distances by least squares that are weighted anew (E. J. Schlossmacher, 1973).
+    regression of distances by iteratively reweighted least squares (E. J. Schlossmacher, 1973).
     """
     away, at = distances(surface.points, ends, np.zeros((len(ends), 2)))
     shares, scale = np.stack([1.0 - at, at], axis=1), float(away.mean())
@@ -278,8 +278,8 @@ def _covering(surface: _Surface, ends: Array, covered: float) -> Array:
 
 
 def distances(points: Array, ends: Array, radii: Array) -> tuple[Array, Array]:
-    """Return how far points, (..., points, 3), are outside the union of capsules with these ends, (..., capsules, 2,
-    3), negative inside, (..., points), and where along the nearest capsule that is, (..., points) [0 to 1].
+    """Return the signed distances of points, (..., points, 3), from the union of capsules with these ends, (...,
+    capsules, 2, 3), negative inside, and the fractions along the axis of the nearest capsule, (..., points) each.
     """
     start, bone = ends[..., None, :, 0, :], (ends[..., 1, :] - ends[..., 0, :])[..., None, :, :]
     squares = np.maximum((bone**2).sum(axis=-1), 1e-300)

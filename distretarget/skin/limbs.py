@@ -1,4 +1,4 @@
-"""Limbs that bend out of the way: arms and legs, by their top, middle and end joints."""
+"""Limbs, given by top, middle and end joint, and how they bend for displacements of middle and end."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.skeleton import Skeleton
 
-WRIST = np.radians(45.0)  # a wrist bends by this at most so that the hand keeps its rotation in the world [rad]
-LEAST = 1e-9  # smaller angles are none [rad]
-STRETCHED = 1e-3  # a limb that reaches for something is shorter than its bones by this share of them
-FOLDED = np.radians(30.0)  # it folds up to this angle between its bones, if it was not folded more [rad]
-FAR = np.radians(90.0)  # a limb that turns by this or more to reach for something has its middle towards its pole [rad]
+WRIST = np.radians(45.0)  # a wrist bends by this at most to keep the hand's world rotation [rad]
+LEAST = 1e-9  # the smallest length or angle that is divided by [any unit, rad]
+STRETCHED = 1e-3  # a reaching limb stays shorter than its stretched length by this share
+FOLDED = np.radians(30.0)  # a reaching limb folds up to this angle between its bones, unless it was folded more [rad]
+FAR = np.radians(90.0)  # the pole vector of a straight limb acts fully if the limb turns by this or more [rad]
 UNTURNED, INVERSE = np.array([[0.0, 0.0, 0.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
 
 
@@ -26,7 +26,7 @@ UNTURNED, INVERSE = np.array([[0.0, 0.0, 0.0, 1.0], [-1.0, -1.0, -1.0, 1.0]])
 class Limb:
     """An arm or a leg."""
 
-    top: int  # the joint that it turns about, such as the shoulder
+    top: int  # shoulder or hip joint
     middle: int  # elbow or knee
     end: int  # wrist or ankle
     is_arm: bool
@@ -40,8 +40,9 @@ class Limb:
 def shares_of(
     limbs: Sequence[Limb], skeleton: Skeleton, places: Array, joints: Numbers, points: Array
 ) -> tuple[Numbers, Array]:
-    """Return the limb that each point belongs to, (points,), -1 for none, and its shares of the displacements of middle
-    and end, (points, 2). `joints`, (points,), carry the points, (points, 3); `places`, (joints, 3), are all joints'.
+    """Return the index of the limb that each point belongs to, (points,), -1 for none, and the shares of the
+    displacements of middle and end by which it moves, (points, 2). `joints`, (points,), carry the points, (points, 3);
+    `places`, (joints, 3), are the positions of all joints.
     """
     numbers, shares = np.full(len(joints), -1), np.zeros((len(joints), 2))
     for number, limb in enumerate(limbs):
@@ -55,7 +56,7 @@ def shares_of(
 
 
 def _along(a: Array, b: Array, points: Array) -> Array:
-    """(points,), how far points, (points, 3), are along the line from a to b, 0 to 1."""
+    """(points,), the fraction at which points, (points, 3), project onto the line from a to b, 0 to 1."""
     square = float((b - a) @ (b - a))
     return np.clip((points - a) @ (b - a) / square, 0.0, 1.0) if square else np.ones(len(points))
 
@@ -63,8 +64,8 @@ def _along(a: Array, b: Array, points: Array) -> Array:
 def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     """Return the motion with the middle and the end of each limb displaced, (frames, limbs, 2, 3) [file units].
 
-    The upper and the lower part of a limb turn by the least rotations. What is beyond its end keeps its rotation in the
-    world; but a hand turns with its forearm by what that turns beyond about `WRIST`.
+    The upper and the lower part of a limb turn by the least rotations. Hands and feet keep their world rotations; but a
+    hand takes the part of its forearm's rotation that exceeds about `WRIST`.
     """
     frames = np.flatnonzero(displacements.any(axis=(1, 2, 3)))
     if not len(frames):
@@ -72,7 +73,7 @@ def bent(motion: Motion, limbs: Sequence[Limb], displacements: Array) -> Motion:
     skeleton, some = motion.skeleton, motion[frames]
     world, places, moved = some.world_rotations, some.positions, displacements[frames]
     local = some.rotations.copy()
-    turns = np.empty((4, len(frames), 4))  # of the upper part, the lower part, what is beyond, and the rest of the body
+    turns = np.empty((4, len(frames), 4))  # of the upper part, the lower part, hand or foot, and the rest of the body
     turns[3] = UNTURNED
     for number in np.flatnonzero(moved.any(axis=(0, 2, 3))).tolist():
         limb = limbs[number]
@@ -99,37 +100,37 @@ def reaching(motion: Motion, limb: Limb, by: Array, poles: Array, firmness: Arra
     """Return the displacements of middle and end of a limb, (frames, 2, 3), that move its end by vectors, (frames, 3),
     as far as it reaches [file units].
 
-    The limb turns about its top by the least rotation, and then bends in its plane. Where it turns far and is not bent,
-    so that it hardly has a plane, its middle is on the side of the `poles`, unit vectors (frames, 3); zeros do nothing.
-    As far as the `firmness`, (frames,), 0 to 1, it is there anyway.
+    The limb turns about its top by the least rotation, and then bends in its plane. A limb that turns far and is nearly
+    straight hardly has a plane; then its middle points along its pole vector, of `poles`, unit vectors (frames, 3), or
+    zeros for none. With the weight `firmness`, (frames,), 0 to 1, its middle points there in any case.
     """
     top, middle, end = (motion.positions[:, joint] for joint in limb.joints)
     upper, lower = (motion.skeleton.lengths[joint] for joint in (limb.middle, limb.end))
-    now, way = end - top, end + by - top
-    far, most = lengths(way), np.maximum((1.0 - STRETCHED) * (upper + lower), lengths(now))
+    now, goal = end - top, end + by - top
+    far, most = lengths(goal), np.maximum((1.0 - STRETCHED) * (upper + lower), lengths(now))
     least = np.minimum(np.sqrt(upper**2 + lower**2 - 2.0 * upper * lower * np.cos(FOLDED)), lengths(now))
-    aim = (np.clip(far, least, most) / np.maximum(far, LEAST))[:, None] * way
-    far = np.maximum(lengths(aim), LEAST)[:, None]
-    turn = Rotation.from_quat(least_rotation(now, aim))
+    goal = (np.clip(far, least, most) / np.maximum(far, LEAST))[:, None] * goal
+    far = np.maximum(lengths(goal), LEAST)[:, None]
+    turn = Rotation.from_quat(least_rotation(now, goal))
     to_pole = smoothstep(turn.magnitude() / FAR)[:, None]
     along = (upper**2 - lower**2 + far**2) / (2.0 * far)
-    own = across(turn.apply(middle - top), aim) / upper
+    own = across(turn.apply(middle - top), goal) / upper
     firmly = np.asarray(firmness)[..., None]
     to_pole = firmly + (1.0 - firmly) * to_pole * (1.0 - lengths(own)[:, None])
-    aside = (1.0 - firmly) * own + to_pole * across(poles, aim)
+    aside = (1.0 - firmly) * own + to_pole * across(poles, goal)
     aside *= np.sqrt(np.maximum(upper**2 - along**2, 0.0)) / np.maximum(lengths(aside)[:, None], LEAST)
-    moved = np.stack([top + along / far * aim + aside - middle, top + aim - end], axis=1)
+    moved = np.stack([top + along / far * goal + aside - middle, top + goal - end], axis=1)
     return np.where((by != 0.0).any(axis=1)[:, None, None], moved, 0.0)
 
 
 def across(vectors: Array, axes: Array) -> Array:
-    """Return what vectors have across axes, (frames, 3) each."""
+    """Return the components of vectors perpendicular to axes, (frames, 3) each."""
     square = np.maximum((axes**2).sum(axis=1, keepdims=True), LEAST**2)
     return np.asarray(vectors - (vectors * axes).sum(axis=1, keepdims=True) / square * axes)
 
 
 def _excess(turns: Array) -> Array:
-    """(frames, 4), turns without what a wrist takes of their angles: nearly all if they are small, at most `WRIST`."""
+    """(frames, 4), rotations less the angles that a wrist takes: nearly all of small angles, and at most `WRIST`."""
     vectors = Rotation.from_quat(turns).as_rotvec()
     angles = lengths(vectors)[:, None]
     return Rotation.from_rotvec(vectors * (1.0 - np.tanh(angles / WRIST) * WRIST / np.maximum(angles, LEAST))).as_quat()

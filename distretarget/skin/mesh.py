@@ -24,11 +24,11 @@ class Material:
     """How a part of a mesh looks."""
 
     colour: tuple[float, ...] = (0.8, 0.8, 0.8, 1.0)  # red, green, blue and opacity, linear [0 to 1]
-    image: bytes = b""  # the content of the picture that is laid on it; empty for none
-    normal_map: bytes = b""  # the content of the picture of its normals; empty for none
-    mode: str = "OPAQUE"  # how its opacity is used, "OPAQUE", "MASK" or "BLEND", as in glTF
-    cutoff: float = 0.5  # with "MASK", what is less opaque than this is not seen
-    two_sided: bool = False  # whether it is seen from behind
+    image: bytes = b""  # the content of its colour texture; empty for none
+    normal_map: bytes = b""  # the content of its normal map; empty for none
+    mode: str = "OPAQUE"  # alpha mode, "OPAQUE", "MASK" or "BLEND", as in glTF
+    cutoff: float = 0.5  # alpha cutoff of the mode "MASK"
+    two_sided: bool = False  # whether back faces are drawn
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,9 @@ class Looks:
     """How a mesh looks."""
 
     materials: tuple[Material, ...]
-    of_triangle: Numbers  # (triangles,), the material of each; -1 for none
-    uv: Array  # (vertices, 2), the places of its vertices on the images
-    normals: Array | None = None  # (vertices, 3), unit vectors out of the surface, if its file says so
+    of_triangle: Numbers  # (triangles,), the index of each triangle's material; -1 for none
+    uv: Array  # (vertices, 2), texture coordinates
+    normals: Array | None = None  # (vertices, 3), unit normals out of the surface, if its file has them
 
 
 MeshReader = Callable[[], "SkinnedMesh | None"]
@@ -49,16 +49,16 @@ MeshReader = Callable[[], "SkinnedMesh | None"]
 class SkinnedMesh:
     """The mesh of a character in its bind pose, in which no joint of the skeleton is turned."""
 
-    vertices: Array  # (vertices, 3), where the joints are at the skeleton's `rest_positions` [file units]
+    vertices: Array  # (vertices, 3), positions with the joints at the skeleton's `rest_positions` [file units]
     joints: Numbers  # (vertices, influences), the joints of the skeleton that move each vertex
-    weights: Array  # (vertices, influences), their shares, which sum to 1
-    triangles: Numbers  # (triangles, 3), the vertices of each
-    looks: Looks | None = None  # if its file says so
-    whole: SkinnedMesh | None = None  # the same with all its triangles, if it has only some of them
+    weights: Array  # (vertices, influences), their skin weights, which sum to 1
+    triangles: Numbers  # (triangles, 3), indices of vertices
+    looks: Looks | None = None  # materials and normals, if its file has them
+    whole: SkinnedMesh | None = None  # the mesh with all triangles, if this has only some of them
 
     @cached_property
     def carriers(self) -> Numbers:
-        """(vertices,), the joint that moves each most."""
+        """(vertices,), the joint with the largest weight of each vertex."""
         return np.asarray(self.joints[np.arange(len(self.joints)), self.weights.argmax(axis=1)])
 
     @property
@@ -71,14 +71,14 @@ class SkinnedMesh:
 
     @cached_property
     def pieces(self) -> Numbers:
-        """(vertices,), the number of the piece that each belongs to; triangles that share a corner are in one piece."""
+        """(vertices,), the index of each vertex's connected piece; triangles that share a corner are in one piece."""
         firsts, count = self.firsts, len(self.vertices)
         a, b = firsts[self.triangles[:, [0, 1]]].ravel(), firsts[self.triangles[:, [1, 2]]].ravel()
         joined = coo_array((np.ones(len(a)), (a, b)), shape=(count, count))
         return np.asarray(connected_components(joined, directed=False)[1][firsts], np.intp)
 
     def heights(self, motion: Motion, up: Array) -> Array:
-        """Return how far up, (3,), the vertices are in each frame, (frames, vertices) [file units]; as `posed`."""
+        """Return the heights of the vertices, `posed`, along the unit vector `up`, (frames, vertices) [file units]."""
         rest, heights = motion.skeleton.rest_positions, np.zeros((len(motion), len(self.joints)))
         for joint, moved, share in _influences(self.joints, self.weights):
             down = Rotation.from_quat(motion.world_rotations_of(joint)).apply(up, inverse=True)
@@ -111,7 +111,7 @@ class SkinnedMesh:
 
 
 def _influences(joints: Numbers, weights: Array) -> Iterator[tuple[int, Numbers, Array]]:
-    """Yield each joint that moves vertices, with their numbers, (n,), and its shares in them, (n,)."""
+    """Yield each joint that moves vertices, with the indices of these, (n,), and its weights for them, (n,)."""
     for joint in np.unique(joints[weights > 0.0]).tolist():
         share = np.where(joints == joint, weights, 0.0).sum(axis=1)
         moved = np.flatnonzero(share)
@@ -119,7 +119,7 @@ def _influences(joints: Numbers, weights: Array) -> Iterator[tuple[int, Numbers,
 
 
 def outermost(points: Array) -> Numbers:
-    """Return those of some points, (n, 3), that are on their convex hull; all if they are few or in one plane."""
+    """Return the indices of points, (n, 3), on their convex hull; of all points if these are few or in one plane."""
     try:
         return np.asarray(ConvexHull(points).vertices, np.intp)
     except (QhullError, ValueError):
@@ -127,5 +127,5 @@ def outermost(points: Array) -> Numbers:
 
 
 def no_mesh() -> SkinnedMesh | None:
-    """Return None, the mesh of what has none."""
+    """Return None; the `MeshReader` of a character without a mesh."""
     return None

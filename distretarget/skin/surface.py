@@ -1,4 +1,4 @@
-"""The surface of a mesh as points spread over its triangles, and how far its parts are from each other in poses."""
+"""The surface of a mesh as points spread over its triangles, and the gaps between its parts in poses."""
 
 from __future__ import annotations
 
@@ -18,30 +18,30 @@ from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
 from distretarget.skin.surface_gaps import Bound, GapWorkspace, Points, Runs, write_gaps
 
-# How many points a segment of a body has: limbs are thin, and what they touch is large.
+# The number of points of each segment: limbs are thin, and the parts that they touch are large.
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
 OTHER_POINTS = 120
-STEPS = (0.7548776662466927, 0.5698402909980532)  # between points that spread evenly over a square
-AT_CORNER = 0.98  # the share of a corner in a point that stands for it
-RUN = 8  # neighbours that are looked for together, at most
-SAME_SHARE = 1e-9  # shares that differ by less are the same
-OBLIQUE = Rotation.from_euler("xyz", [0.5, 0.7, 0.9]).as_matrix()  # to all axes: corners of boxes are in one order
+STEPS = (0.7548776662466927, 0.5698402909980532)  # of a low-discrepancy sequence on the unit square
+AT_CORNER = 0.98  # the barycentric coordinate of a point at a corner of its triangle
+RUN = 8  # the most points of a run of neighbours
+SAME_SHARE = 1e-9  # relative differences of weights below this are rounding errors
+OBLIQUE = Rotation.from_euler("xyz", [0.5, 0.7, 0.9]).as_matrix()  # axes along which the corners of a box differ
 OF_SIDE = [np.array([name.startswith(side) for name in SEGMENTS]) for side in ("left", "right")]
 
-Part = tuple[int, ...]  # the numbers of its segments
+Part = tuple[int, ...]  # the indices of its segments
 
 
 @dataclass(frozen=True, eq=False)
 class SurfaceSamples:
-    """Points on the outside of a mesh, bound to the joints of its skeleton: exactly as the corners of their triangles
-    are, since what moves a point is the sum of what moves these.
+    """Points on the outside of a mesh, bound to the joints of its skeleton. Each moves exactly as the skinned triangle
+    on which it is, since its binding is the weighted sum of those of the corners.
     """
 
     points: Points  # [file units]
 
     @classmethod
     def of(cls, mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules) -> SurfaceSamples:
-        """Return the surface of a body with these capsules, whose joints belong to segments `of_joint`, (joints,)."""
+        """Return the surface of a body with these capsules; `of_joint`, (joints,), are the segments of its joints."""
         folded, sides = _folded(mesh.vertices, skeleton, capsules)
         triangles, numbers, radii, segments = _spread(mesh, skeleton, of_joint, capsules, folded, sides)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
@@ -68,33 +68,33 @@ class SurfaceSamples:
         return cls(Points(places, first, second, radii, np.ascontiguousarray(shares[1:].T), are_large, runs))
 
     def gaps(self, motion: Motion, parts: Sequence[tuple[int, Part]], wanted: Flags, farthest: float) -> Array:
-        """Return how far limbs are from parts in each frame, (frames, pairs), negative where they are in, or `farthest`
-        where that is less [file units].
+        """Return the gaps between limbs and parts in each frame, (frames, pairs), negative for depths, and at most
+        `farthest` [file units].
 
         Args:
-            motion: its frames.
+            motion: of the mesh.
             parts: (pairs,), the segment of the limb, and the segments of the part.
-            wanted: (frames, pairs), where to look; elsewhere they are `farthest`.
+            wanted: (frames, pairs), the gaps to find; others are `farthest`.
             farthest: [file units]
         """
         frames, gaps = np.flatnonzero(wanted.any(axis=1)), np.full(wanted.shape, farthest)
         some, found = motion[frames], np.full((len(frames), len(parts)), farthest)
         matrices = Rotation.from_quat(some.world_rotations.reshape(-1, 4)).as_matrix()
         matrices = matrices.reshape(*some.positions.shape[:2], 3, 3)
-        moved = np.concatenate([matrices, some.positions[..., None]], axis=3)
+        transforms = np.concatenate([matrices, some.positions[..., None]], axis=3)
         limbs, members = np.array([limb for limb, _ in parts], np.intp), np.zeros((len(parts), len(SEGMENTS)), bool)
         for pair, (_, part) in enumerate(parts):
             members[pair, [*part]] = True
         room = GapWorkspace.of(self.points, len(parts))
-        write_gaps(self.points, moved, limbs, members, np.ascontiguousarray(wanted[frames]), farthest, room, found)
+        write_gaps(self.points, transforms, limbs, members, np.ascontiguousarray(wanted[frames]), farthest, room, found)
         gaps[frames] = found
         return gaps
 
 
 def _folded(vertices: Array, skeleton: Skeleton, capsules: Capsules) -> tuple[Array, Flags]:
-    """Return vertices in axes that are oblique to the body's, with the right half of the body mirrored onto the left,
-    (vertices, 3), and whether each is on the left. What is ordered by these does not depend on the order of the mesh,
-    and is the same left and right where the mesh is.
+    """Return the vertices in `OBLIQUE` axes, with the right half of the body mirrored onto the left, (vertices, 3), and
+    whether each is on the left. An order by these coordinates does not depend on the order of the mesh, and is the same
+    on the left and on the right of a symmetric mesh.
     """
     middles = capsules.ends.mean(axis=1) + skeleton.rest_positions[capsules.joints]
     halves_of = [middles[of_side[capsules.segments]] for of_side in OF_SIDE]
@@ -109,16 +109,17 @@ def _folded(vertices: Array, skeleton: Skeleton, capsules: Capsules) -> tuple[Ar
 def _spread(
     mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules, folded: Array, sides: Flags
 ) -> tuple[Numbers, Numbers, Array, Numbers]:
-    """Triangles for points at equal shares of the surface of each segment, (points,), their numbers from 1 on, negative
-    where their corners lead round into the body; the numbers of the points in the half of their segment, left or right;
-    the radii that they stand for; and their segments. `folded` and `sides` as `_folded`.
+    """The triangles of points that stand for equal shares of each segment's surface, (points,), as indices counted from
+    1, negative if the normal leads into the body; the indices of points within the left or right half of their segment;
+    the radii of discs of the area that a point stands for; and the segments of points. `folded` and `sides` are those
+    of `_folded`.
     """
     corners = mesh.vertices[mesh.triangles]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
     folded_middles, of_left = folded[mesh.triangles].mean(axis=1), sides[mesh.triangles].mean(axis=1) > 0.5
     of_corners = np.sort(of_joint[mesh.carriers][mesh.triangles], axis=1)
-    most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # the segment of two corners
+    most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # shared by two corners
     none = np.zeros(0, np.intp)
     found = [(none, none, np.zeros(0), none)]
     for segment, name in enumerate(SEGMENTS):
@@ -128,7 +129,7 @@ def _spread(
             out = middles[on] - _nearest_on(own.ends + skeleton.rest_positions[own.joints, None], middles[on])
             leads_out = (normals[on] * out).sum(axis=1) > 0.0
             mostly = areas[on] @ leads_out >= 0.5 * areas[on].sum()
-            on = on[leads_out == mostly]  # the rest is the other side of cloth, or skin beneath it
+            on = on[leads_out == mostly]  # the others are back faces of cloth, or skin beneath it
             points = next((count for part, count in POINTS.items() if name.endswith(part)), OTHER_POINTS)
             for half in (on[of_left[on]], on[~of_left[on]]):
                 area = areas[half].sum()
@@ -141,8 +142,8 @@ def _spread(
 
 
 def _evenly_chosen(triangles: Numbers, middles: Array, areas: Array, count: int) -> Numbers:
-    """Return so many of some triangles, at equal steps of area, while neighbours follow each other; `middles` and
-    `areas` are those of all triangles.
+    """Return `count` of some triangles at equal steps of area, in an order in which neighbours follow each other;
+    `middles` and `areas` are those of all triangles.
     """
     in_line = triangles[KDTree(middles[triangles], leafsize=1).indices]
     steps = np.cumsum(areas[in_line])
@@ -150,8 +151,8 @@ def _evenly_chosen(triangles: Numbers, middles: Array, areas: Array, count: int)
 
 
 def _shares(triangles: Numbers, numbers: Numbers, are_large: Flags) -> Array:
-    """(3, points), the shares of the corners of its triangle in each point: spread evenly, but for the first three of a
-    large triangle, which are at its corners, as these reach out farthest.
+    """(3, points), the barycentric coordinates of each point in its triangle: spread evenly, but the first three points
+    of a large triangle are at its corners, which reach out farthest.
     """
     u, v = np.remainder(np.outer(STEPS, numbers) + 0.5, 1.0)
     u, v = np.where(u + v > 1.0, 1.0 - np.array([u, v]), [u, v])  # the other half of the square
@@ -171,11 +172,12 @@ def _by_neighbours(places: Array, segments: Numbers) -> list[Numbers]:
 
 
 def _runs(places: Bound, dipoles: Array, first: Numbers, segments: Numbers) -> Runs:
-    """Runs of points that begin with the `first`, in the order of their `segments`, (points,); `dipoles`, (points, 3),
-    are their normals times areas.
+    """The runs of points that begin at the indices `first`; `places` and `segments`, (points,), are those of the points
+    in order, `dipoles`, (points, 3), their normals times areas.
 
     A point is the sum of w q over joints, with weights w and places q that move with one joint each. The centre c of a
-    run is that of the means w' and q', so a point is off it by the sum of w (q - q') + (w - w') (q' - c).
+    run is the sum of w' q' with the means w' and q', so the offset of a point from it is the sum of w (q - q') +
+    (w - w') (q' - c).
     """
     bounds, joints, means, radii, spread, sums = [0], [], [], [], [], [np.zeros((0, 3))]
     for begin, end in pairwise(first):
@@ -199,7 +201,7 @@ def _runs(places: Bound, dipoles: Array, first: Numbers, segments: Numbers) -> R
 
 
 def _nearest_on(ends: Array, points: Array) -> Array:
-    """(points, 3), the nearest places on axes with ends, (axes, 2, 3)."""
+    """(points, 3), the nearest places to points, (points, 3), on axes with ends, (axes, 2, 3)."""
     start, along = ends[:, 0], ends[:, 1] - ends[:, 0]
     square = np.maximum((along**2).sum(axis=1), np.finfo(float).tiny)
     t = np.clip(((points[:, None] - start) * along).sum(axis=2) / square, 0.0, 1.0)
@@ -208,8 +210,8 @@ def _nearest_on(ends: Array, points: Array) -> Array:
 
 
 def _bound(mesh: SkinnedMesh, skeleton: Skeleton) -> csr_array:
-    """(vertices, 4 joints), how vertices are bound to joints: what each is off a joint in the rest pose, and 1, times
-    its weight.
+    """(vertices, 4 joints), the binding of vertices: for each joint the vertex's offset from it in the rest pose, and
+    1, times its weight.
     """
     off = mesh.vertices[:, None] - skeleton.rest_positions[mesh.joints]
     values = mesh.weights[..., None] * np.concatenate([off, np.ones((*mesh.joints.shape, 1))], axis=2)

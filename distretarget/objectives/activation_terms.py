@@ -1,4 +1,4 @@
-"""How the activations of pairs of one body set in and end, in the frames of one shot. Compiled."""
+"""Activations of the pairs of one body over the frames of one shot. Compiled."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ class Pairs(NamedTuple):
     """Pairs of joints in the frames of a shot."""
 
     D: F2  # (frames, pairs), the least normalised distance about each frame
-    kept: F2  # (frames, pairs), 0 where a contact is dropped, else 1
+    enabled: F2  # (frames, pairs), 0 where the user drops a contact, else 1
     near: F1  # (pairs,), the D up to which each is in contact
     apart: F1  # (pairs,), the D from which it is not
-    hangs: I1  # (some,), those that are in contact also while a hand keeps its distance
-    D_of_hangs: F2  # (frames, some)
-    raised: F2  # (frames, some), how far the arm of each of these is raised or bent, 0 to 1
+    hangs: I1  # (hanging pairs,), pairs that hanging arms bring near; a constant D is a contact, too
+    D_of_hangs: F2  # (frames, hanging pairs)
+    raised: F2  # (frames, hanging pairs), how far the arm of each is raised or bent, 0 to 1
 
 
 @compiled()
@@ -31,22 +31,22 @@ def write_activation(
     held: int,
     weights: F1,
     of_all: Out[F3],
-    of_some: Out[F3],
+    of_hangs: Out[F3],
     f: Out[F2],
 ) -> None:
-    """Write f, see `SelfContact.activation`. A hand that keeps its D up to `steady` within `held` frames before and
-    after is in contact up to `reach`, and from `unsteady` on it is not; `weights` are those of the average, for as many
-    frames as contacts lead. `of_all`, (3, frames, pairs), and `of_some`, (5, frames, some), are scratch.
+    """Write f, see `SelfContact.activation`. A hand whose D varies by up to `steady` within `held` frames before and
+    after a frame is in contact up to `reach`; from `unsteady` on it is not. `weights` are those of the moving average
+    in time. `of_all`, (3, frames, pairs), and `of_hangs`, (5, frames, hanging pairs), are scratch.
     """
     largest, before, after = of_all[0], of_all[1], of_all[2]
     for frame in range(len(f)):
         for n in range(f.shape[1]):
             f[frame, n] = _sets_in(pairs.D[frame, n], pairs.near[n], pairs.apart[n])
     if len(pairs.hangs) > 0:
-        _add_held(pairs, reach, farthest, steady, unsteady, held, of_some, f)
+        _add_held(pairs, reach, farthest, steady, unsteady, held, of_hangs, f)
     for frame in range(len(f)):
         for n in range(f.shape[1]):
-            f[frame, n] *= pairs.kept[frame, n]
+            f[frame, n] *= pairs.enabled[frame, n]
     if len(weights) > 1:
         write_largest(f, len(weights) - 1, before, after, largest)
         write_averaged(largest, weights, f)
@@ -54,7 +54,7 @@ def write_activation(
 
 @inlined()
 def _add_held(pairs, reach, farthest, steady, unsteady, held, scratch, f):  # type: ignore[no-untyped-def]
-    """Raise f where a hand keeps its distance."""
+    """Raise f where the D of a hand is constant."""
     D, raised, most, least, before, after = pairs.D_of_hangs, scratch[0], scratch[1], scratch[2], scratch[3], scratch[4]
     write_largest(D, held, before, after, most)
     for frame in range(len(f)):
