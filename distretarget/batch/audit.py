@@ -23,7 +23,7 @@ from distretarget.motion import Motion
 from distretarget.report.page import folder_of, html_page
 from distretarget.stick_figures import stick_figures
 
-MOST_COMMON_OF = 3  # least number of clips of a rig for a comparison with most of them
+LEAST_CLIPS = 3  # clips of a rig that are needed to compare each with most of them
 COMPARED_FRAMES = 16  # frames in which two clips are compared
 SAME_POSITION = 1e-3  # joints this near to each other are at the same position [leg lengths]
 LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # default limits by kind of fault
@@ -67,7 +67,7 @@ def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False
             rigs[each.rig].append(each)
     for of_rig in rigs.values():
         _find_duplicates(of_rig)
-        if len(of_rig) >= MOST_COMMON_OF:
+        if len(of_rig) >= LEAST_CLIPS:
             _compare(of_rig)
     return clips
 

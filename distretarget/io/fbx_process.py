@@ -89,7 +89,7 @@ def _content(
     nodes = list(_each(scene.nodes))[1:]  # without the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
     names = [stack.name for stack in stacks]
-    content = _still(scene, nodes) | {"animations": names}
+    content = _static(scene, nodes) | {"animations": names}
     chosen = choose_animation("", names, clip) if with_animation else None
     if chosen is not None:
         limit = max(FREE_SAMPLES, len(data))
@@ -130,7 +130,7 @@ def _each(elements: Any) -> Iterator[Any]:
     return (_held(elements[index]) for index in range(len(elements)))
 
 
-def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
+def _static(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
     """The nodes, the skins, and the matrices of the bind poses, which an animation does not change."""
     import ufbx
 
@@ -268,7 +268,7 @@ def _corners(mesh: ufbx.Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _pivot(node: ufbx.Node) -> Array:
-    """(3,), the point about which a node turns, in its own space."""
+    """The point about which a node turns, in its own space, (3,)."""
     turning, scaling, offset = (_vector(node, name) for name in ("RotationPivot", "ScalingPivot", "ScalingOffset"))
     scale = _vector(node, "Lcl Scaling", 1.0)
     return np.asarray(scaling + (turning - scaling - offset) / np.where(scale == 0.0, 1.0, scale))

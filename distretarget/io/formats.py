@@ -15,7 +15,7 @@ OutputKind = Literal["BVH", "character", "VRMA", "arrays"]
 
 BEGINNING = 4096  # the first bytes of a file, in which `FBX_MARKS` are looked for
 GLB_MARK = b"glTF"
-FBX_MARKS = (b"Kaydara FBX Binary", b"FBXHeaderExtension")  # every FBX file begins with one of them
+FBX_MARKS = (b"Kaydara FBX Binary", b"FBXHeaderExtension")  # in binary FBX files, and in those that are text
 NPY_MARK, NPZ_MARK = b"\x93NUMPY", b"PK\x03\x04"
 JSON_START = re.compile(rb"[\xef\xbb\xbf\xff\xfe \t\r\n\0]*[{\[]")  # after a byte order mark
 GLTF_ASSET = re.compile(rb'"asset"\s*:\s*\{')  # in every .gltf file, in no skeleton file
