@@ -31,13 +31,13 @@ SKIN = (0.8, 0.6, 0.5)  # its colour
 
 @dataclass(frozen=True)
 class Build:
-    """What a body looks like: levels of the macro targets, more targets with their weights, and parts that are scaled.
+    """The build of a body: levels of the macro targets, other morph targets, and scaled parts.
 
     Attributes:
         gender, age, muscle, weight: "female" or "male"; "baby", "child", "young", "old"; "min", "average", "max".
         height, proportions: "min", "max" or ""; "ideal", "uncommon" or "".
-        targets: files below `targets/`, without their ending, and how much of each.
-        parts: factors by which what hangs on a joint of Mixamo's rig is scaled about it.
+        targets: weights of files below `targets/`, by name without suffix.
+        parts: factors by which the subtree of a joint of Mixamo's rig is scaled about it.
     """
 
     gender: str = "male"
@@ -63,7 +63,7 @@ class Build:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """The base mesh: points (points, 3) [dm], and corners of its faces, and points, by group."""
+    """The base mesh: points, (points, 3) [dm], and faces, lists of points, by group."""
 
     points: Array
     faces: dict[str, list[list[int]]]
@@ -87,7 +87,7 @@ def base_mesh(data: Path) -> Base:
 
 
 def moved(data: Path, build: Build) -> Array:
-    """The points of the base mesh, moved by the targets of a build, (points, 3) [dm]."""
+    """The points of the base mesh, (points, 3) [dm], with the morph targets of a build applied."""
     points = base_mesh(data).points.copy()
     for target, share in {**dict.fromkeys(build.macros(), 1.0), **build.targets}.items():
         with gzip.open(data / "targets" / f"{target}.target.gz", "rt") as lines:
@@ -99,7 +99,7 @@ def moved(data: Path, build: Build) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """A rig: its joints in the bind pose, where bones end, their roll, and the weights of points."""
+    """A rig: its joints in the bind pose, the ends and rolls of bones, and skin weights."""
 
     bones: Bones
     tips: Array
@@ -117,7 +117,7 @@ STANDING = Rotation.from_euler("X", -90, degrees=True)  # from Z up to Y up
 
 
 def _place(end: dict, base: Base, points: Array) -> Array:
-    """Where the end of a bone is, by the rule of the rig's file."""
+    """The position of the end of a bone, by the rule in the rig's file."""
     match end["strategy"]:
         case "CUBE":
             return points[base.group(end["cube_name"])].mean(axis=0)
@@ -138,22 +138,22 @@ def rig_of(data: Path, name: str, points: Array) -> Rig:
     names = _depth_first(entries)
     parents = np.array([names.index(entries[name]["parent"]) if entries[name]["parent"] else -1 for name in names])
     heads, tips = (np.array([_place(entries[bone][end], base, points) for bone in names]) for end in ("head", "tail"))
-    kept = json.loads(next(folder.glob(f"*/weights.{name}.json")).read_text())["weights"]
+    by_bone = json.loads(next(folder.glob(f"*/weights.{name}.json")).read_text())["weights"]
     rolls = np.array([entries[bone]["roll"] for bone in names])
-    rows = [(point, names.index(bone), share) for bone in kept if bone in names for point, share in kept[bone]]
+    rows = [(point, names.index(bone), share) for bone in by_bone if bone in names for point, share in by_bone[bone]]
     point, joint, share = (np.array(column) for column in zip(*rows, strict=True))
     weights = csr_array((share, (point.astype(int), joint.astype(int))), shape=(len(points), len(names)))
     return Rig(Bones(tuple(names), parents, heads), tips, rolls, weights)
 
 
 def _depth_first(entries: Mapping[str, dict], parent: str = "") -> list[str]:
-    """The names of the bones below one, each before those below it."""
+    """The names of a bone's descendants, parents first."""
     below = [name for name, entry in entries.items() if (entry["parent"] or "") == parent]
     return [each for name in below for each in (name, *_depth_first(entries, name))]
 
 
 def scaled(points: Array, rig: Rig, parts: Mapping[str, float]) -> Array:
-    """Points with parts of the body scaled about joints, by the weights of all that is below them."""
+    """Points with parts of the body scaled about joints, by the skin weights of the joints' subtrees."""
     made = points.copy()
     for name, factor in parts.items():
         joint = rig.bones.names.index(f"mixamorig:{name}")
@@ -163,7 +163,7 @@ def scaled(points: Array, rig: Rig, parts: Mapping[str, float]) -> Array:
 
 
 def _below(bones: Bones, joint: int) -> list[int]:
-    """A joint and all below it."""
+    """A joint and its descendants."""
     found = [joint]
     for other, parent in enumerate(bones.parents):
         found += [other] if parent in found else []
@@ -224,8 +224,8 @@ class Kind:
 
     Attributes:
         rig: of the data, "mixamo", "game_engine" or "cmu_mb".
-        rolled: whether joints lie along their bones, or along the axes of the world.
-        t_pose: whether it binds with arms to the sides, or as the base mesh stands.
+        rolled: whether the axes of joints lie along their bones, or along the axes of the world.
+        t_pose: whether the bind pose is a T-pose, or the pose of the base mesh.
     """
 
     build: Build

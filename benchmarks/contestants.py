@@ -1,9 +1,9 @@
-"""Ways of retargeting a clip to a character, for the scoreboard: each gives a motion, and its seconds a frame.
+"""Methods of retargeting a clip to a character, for the scoreboard: each returns a motion, and its seconds per frame.
 
 Copied rotations are the project's own rotation copy, with rest poses aligned and the root's path scaled: pybvh's
 `Bvh.retarget` copies bone lengths between skeletons with the same joints and rest pose, which characters do not have.
-All take the pairs of joints that the project finds. mink and GMR's recipe are given hands, feet and hips, or all
-joints, where the source has them, scaled by leg length.
+All methods use the pairs of joints that the project finds. The goals of mink and GMR's recipe are the source's
+positions of hands, feet and hips, or of all joints, scaled by leg length.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from distretarget.target import Target
 if TYPE_CHECKING:
     from inverse_kinematics import ScaledGoals
 
-STEPS = 3  # of mink a frame
-LONG, SHORT = 1000, 60  # frames on which speed is measured: of what is fast, and of mink
+STEPS = 3  # of mink per frame
+LONG, SHORT = 1000, 60  # frames on which speed is measured: of fast methods, and of mink
 NEEDS_MINK = ("mink", "mujoco", "daqp")
 
 
@@ -43,24 +43,24 @@ class Case:
 
     @cached_property
     def run(self) -> RetargetResult:
-        """A run of the project, of which the contestants take source, pairs of joints and scale, not the result."""
+        """A run of the project; the contestants use its source, pairs of joints and scale, not its result."""
         return retarget(self.source, self.target)
 
     def of_frames(self, frames: int) -> Case:
-        """The case with the clip played forwards and backwards for so many frames."""
+        """The case with the clip played forwards and backwards until it has this many frames."""
         return Case(back_and_forth(self.source, frames), self.target)
 
 
 @dataclass(frozen=True)
 class Contestant:
-    """One way of retargeting.
+    """A method of retargeting.
 
     Attributes:
-        name: its name in tables.
-        motion: what it makes of a case.
-        timer: returns, for a case, a function that runs it once and returns the seconds of processor time a frame.
-        missing: why it cannot be asked here; empty if it can.
-        measures: whether a conversion measures its result.
+        name: in tables.
+        motion: returns the result for a case.
+        timer: returns, for a case, a function that runs it once and returns the processor time per frame [s].
+        missing: why it cannot be run here; empty if it can.
+        measures: whether a conversion also computes metrics.
     """
 
     name: str
@@ -74,7 +74,7 @@ COPY = "copied rotations"
 
 
 def contestants() -> Iterator[Contestant]:
-    """All contestants, those first that the others are compared with."""
+    """Yield all contestants, the project's own last."""
     yield Contestant(COPY, lambda case: case.run.rotation_copy, _copy_timer)
     yield _three()
     yield from _mink()
@@ -116,7 +116,7 @@ def _mink() -> Iterator[Contestant]:
 
 
 def _peer(kind: str, case: Case) -> ScaledGoals:
-    """The class of this name for a case."""
+    """An instance, for a case, of the class of this name."""
     import inverse_kinematics  # needs packages that may not be there
 
     return getattr(inverse_kinematics, kind)(case.run)
@@ -135,8 +135,8 @@ def _mink_timer(kind: str) -> Callable[[Case], Callable[[], float]]:
 
 
 def files_timer(case: Case, measures: bool) -> Callable[[], float]:
-    """Returns a function that reads a clip, writes a result, measures it if asked for, and returns the seconds of
-    processor time a frame. Files are BVH and written by the project.
+    """Return a function that reads a clip and writes a result, as BVH and by the project, computes metrics if
+    `measures`, and returns the processor time per frame [s].
     """
     run = case.of_frames(LONG).run
 

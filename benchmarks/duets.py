@@ -1,9 +1,9 @@
-"""Measure scenes: how near two performers who touch each other stay on other bodies.
+"""Measure scenes: the gaps between two performers in contact, on other bodies.
 
     python benchmarks/duets.py DUETS [--markdown docs/results.md]
 
 DUETS is a folder with takes of two performers in one world, `60_NN.bvh` and `61_NN.bvh`, whose first frame is a T-pose
-and left out. Each take is retargeted to three pairs of bodies, alone and as a scene.
+and left out. Each take is retargeted to three pairs of bodies, each performer alone and both as a scene.
 """
 
 from __future__ import annotations
@@ -89,7 +89,7 @@ def solved(motions: list[Motion], names: tuple[str, str]) -> Duet:
 def cells(name: str, duet: Duet) -> Iterator[str]:
     """The row of a take on two bodies."""
     scene, gap, scale, seconds = duet.scene, duet.gap, duet.scene.world_scale, duet.seconds
-    # The slide of the source's feet, in the strides that the world's scale asks of each body.
+    # The slide of the source's feet, for the strides of each body at the world's scale.
     strides = [(one.metrics["source"]["foot_skate"] or 0.0) * scale / one.root_scale for one in scene.results]
     jerks = [np.divide(*(one.metrics[v]["jerk"] or 1.0 for v in ("result", "rotation_copy"))) for one in scene.results]
     yield name

@@ -1,8 +1,8 @@
-"""Fetch the real clips that the benchmarks use from where they are published (`corpus.toml`).
+"""Download the real clips that the benchmarks use from where they are published (`corpus.toml`).
 
     python benchmarks/fetch_corpus.py FOLDER
 
-Then FOLDER is what the other benchmarks call CORPUS, and FOLDER/duets is DUETS. Files that are there stay.
+FOLDER is then the CORPUS of the other benchmarks, and FOLDER/duets is DUETS. Existing files are kept.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from tqdm import tqdm
 
 SOURCES = Path(__file__).with_name("corpus.toml")
 HOST = "https://raw.githubusercontent.com"
-LONGEST = 60.0  # for an answer [s]
+TIMEOUT = 60.0  # for an answer [s]
 
 
 def addresses(host: str = HOST) -> Iterator[tuple[str, str]]:
@@ -28,12 +28,12 @@ def addresses(host: str = HOST) -> Iterator[tuple[str, str]]:
 
 
 def fetch(address: str, path: Path) -> None:
-    """Write a file from an address, whole or not at all.
+    """Download a file, complete or not at all.
 
     Raises:
         OSError: nothing answers there, or the file cannot be written.
     """
-    with urlopen(address, timeout=LONGEST) as answer:
+    with urlopen(address, timeout=TIMEOUT) as answer:
         content = answer.read()
     path.parent.mkdir(parents=True, exist_ok=True)
     part = path.with_name(f"{path.name}.part")

@@ -1,4 +1,4 @@
-"""Give the program generated inputs, valid and broken, and count what becomes of them.
+"""Give the program generated inputs, valid and broken, and count the outcomes.
 
     python benchmarks/fuzz.py [--readers N] [--pipeline N] [--characters N] [--scenes N] [--contacts N] [--commands N]
                               [--processes N] [--seconds N] [--seed N] [--keep FOLDER]
@@ -7,9 +7,9 @@ Readers: N texts are read as clips, skeleton files, maps or records, written, an
 retargeted with targets, maps and options, and the results read again, by pybvh too. Characters: N mutated glTF files
 are read as targets and as motions, written and read again. Scenes, contacts, commands: N folders of generated files,
 pipes, devices and links among them, are given to one command. Processes: N commands in processes of their own, some
-with closed streams. `--seconds` goes through all parts for about so long, instead of counts. Each input ends in one of
-the `OUTCOMES`; the first two are right, and the exit status is 1 if there is any other. `--keep` writes the inputs of
-all others to a folder, characters by their seed. The same seed gives the same inputs. Ctrl-C ends a part early.
+with closed streams. `--seconds` runs all parts for about this time, instead of counts. Each input has one of the
+`OUTCOMES`; the first two are right, and the exit status is 1 if there is any other. `--keep` writes the inputs with
+other outcomes to a folder, characters by their seed. The same seed gives the same inputs. Ctrl-C ends a part early.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import click
 from fuzz_characters import through
-from fuzz_folders import asked, commands, run_in_folder, run_with_streams, scenes, with_streams
+from fuzz_folders import commands, contacts, run_in_folder, run_with_streams, scenes, with_streams
 from fuzz_outcomes import OUTCOMES, REFUSED, RIGHT, outcome_of
 from fuzz_texts import convert, jobs, read, texts
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -40,7 +40,7 @@ UNCHECKED = settings(database=None, deadline=None, phases=[Phase.generate], supp
 
 
 class Part(NamedTuple):
-    """What is done with which inputs, and how many are tried at a time with `--seconds`."""
+    """An action, its inputs, and how many are tried at a time with `--seconds`."""
 
     action: Callable[[Any], str | None]
     cases: st.SearchStrategy[Any]
@@ -52,7 +52,7 @@ PARTS = {
     "pipeline": Part(convert, jobs, 100),
     "characters": Part(through, st.integers(0, 2**40), 100),
     "scenes": Part(run_in_folder, scenes(), 50),
-    "contacts": Part(run_in_folder, asked(), 50),
+    "contacts": Part(run_in_folder, contacts(), 50),
     "commands": Part(run_in_folder, commands(), 50),
     "processes": Part(run_with_streams, with_streams(), 5),
 }
@@ -77,10 +77,10 @@ def tried(part: Part, count: int, first_seed: int) -> Tried:
             @given(part.cases)
             def one_round(case: Any) -> None:
                 if found.counts.total() < count:
-                    outcome, known = outcome_of(part.action, case)
+                    outcome, details = outcome_of(part.action, case)
                     found.counts[outcome] += 1
                     if outcome not in (RIGHT, REFUSED):
-                        found.wrong.append((case, f"{outcome}: {known}"))
+                        found.wrong.append((case, f"{outcome}: {details}"))
 
             one_round()
             first_seed += 1
@@ -106,7 +106,7 @@ def with_counts(command: Callable[..., None]) -> Callable[..., None]:
 @click.option("--seed", "first_seed", default=0)
 @click.option("--keep", type=Path)
 def main(seconds: float, first_seed: int, keep: Path | None, **counts: int) -> None:
-    """Try as many inputs as asked for, and print the outcomes of each part."""
+    """Try the inputs of all parts, and print the outcomes."""
     resource.setrlimit(resource.RLIMIT_AS, (ALL_MEMORY, ALL_MEMORY))
     started, wrong, rounds = time.monotonic(), 0, 0
     totals = {name: Tried() for name in PARTS}
@@ -115,8 +115,8 @@ def main(seconds: float, first_seed: int, keep: Path | None, **counts: int) -> N
             if not seconds or time.monotonic() - started < seconds:
                 found = tried(part, part.at_a_time if seconds else counts[name], 1000 * first_seed + rounds)
                 totals[name].counts += found.counts
-                for case, known in found.wrong:
-                    print(f"--- {name} {wrong}: {known}", flush=True)
+                for case, details in found.wrong:
+                    print(f"--- {name} {wrong}: {details}", flush=True)
                     if keep:
                         keep_case(keep, f"{name}_{wrong}", case)
                     wrong += 1

@@ -22,22 +22,22 @@ from distretarget.io.bvh import MAX_DEPTH, parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.target_file import CharacterTarget
 
-# Of a file: ten times its size, and what the 1,000,000 poses take that two keys far apart may ask for [bytes].
+# Memory limit of a file: ten times its size, and that of 1,000,000 poses, which two keys far apart may need [bytes].
 FREE_MEMORY, PER_BYTE = 128 * 2**20, 10
-OFF = 1e-5  # how far joints may be off when they are read back [of the extent of body, path and nodes]
+OFF = 1e-5  # tolerance of positions that are read back [of the extent of body, path and nodes]
 
 
 @cache
 def sample() -> Motion:
-    """Three frames of a clip, which a first run has prepared the package for."""
+    """Three frames of a clip, after a first run that fills the package's caches."""
     motion = read_bvh(SAMPLES / "clap.bvh")[:3]
     retarget(motion, motion.skeleton)
     return motion
 
 
 def through(seed: int) -> None:
-    """Take the file of a seed through the package: as a target it gets the sample, is written with it and read again;
-    as a motion, it is written as BVH and read again. What is refused is a DistretargetError, raised at the end.
+    """Use the file of a seed as a target, onto which the sample is retargeted, written and read again; and as a motion,
+    which is written as BVH and read again. A DistretargetError of either is raised at the end.
     """
     sample()
     suffix, content = mutated(seed)
@@ -52,7 +52,7 @@ def through(seed: int) -> None:
 
 
 def _refusal(path: Path, step: Callable[[Path], None]) -> DistretargetError | None:
-    """The error of a step that refuses the file, which has to name it."""
+    """The DistretargetError of a step, which must name the file; None without one, or if there is no animation."""
     try:
         step(path)
     except DistretargetError as error:
@@ -101,7 +101,7 @@ def _as_target(path: Path) -> None:
 
 
 def _is_collapsed(motion: Motion) -> bool:
-    """Whether bones have shrunk to nothing, which is noise to the reader of BVH; see `bvh.add_offsets`."""
+    """Whether bones have shrunk to nothing, which the reader of BVH takes for noise; see `bvh.add_offsets`."""
     if motion.moving is None:
         return False
     sizes = np.linalg.norm(motion.moving.translations, axis=2).max(axis=0)

@@ -34,14 +34,14 @@ SPECIAL = (FOLDER, PIPE, f"{LINK}/dev/zero", f"{LINK}none", f"{LINK}.", f"{LINK}
 
 
 class Folder(NamedTuple):
-    """Files, and what the program is asked to do with them."""
+    """Files, and the arguments of the program."""
 
-    files: dict[str, str]  # by name: a text, or one of those above
+    files: dict[str, str]  # by name: a text, or one of FOLDER, PIPE, LINK and CHARACTER
     arguments: list[str]
 
 
 def _mostly(first: st.SearchStrategy[Any], *others: st.SearchStrategy[Any]) -> st.SearchStrategy[Any]:
-    """Nearly always the first of some strategies, as many are drawn for a folder."""
+    """Nearly always the first of some strategies, since a folder has many draws and few should be odd."""
     return st.integers(0, 999).flatmap(lambda number: st.one_of(*others) if number % 16 == 7 else first)
 
 
@@ -56,17 +56,17 @@ spans = _mostly(st.tuples(st.just(0), st.integers(0, 1)).map(list), st.lists(num
 places = _mostly(st.lists(numbers, min_size=3, max_size=3), st.lists(numbers, max_size=4))
 pairs = _mostly(st.lists(parts, min_size=2, max_size=2, unique=True), st.lists(parts, max_size=3))
 turned = st.sampled_from(("head", "left hand", "right foot"))
-of_all = {"frames": spans, "found": st.just("here")}
+common = {"frames": spans, "found": st.just("here")}
 entries = st.one_of(
-    st.fixed_dictionaries({"between": pairs, "keep": st.just(False)}, optional=of_all),
+    st.fixed_dictionaries({"between": pairs, "keep": st.just(False)}, optional=common),
     st.fixed_dictionaries(
-        {"between": pairs, "gap": numbers | st.just("source")}, optional=of_all | {"firmness": numbers}
+        {"between": pairs, "gap": numbers | st.just("source")}, optional=common | {"firmness": numbers}
     ),
-    st.fixed_dictionaries({"plant": parts, "on": st.sampled_from(("floor", "where it is")) | places}, optional=of_all),
-    st.fixed_dictionaries({"distance": pairs, "value": numbers}, optional=of_all | {"priority": numbers}),
-    st.fixed_dictionaries({"look": turned, "like": places | st.just("source")}, optional=of_all),
+    st.fixed_dictionaries({"plant": parts, "on": st.sampled_from(("floor", "where it is")) | places}, optional=common),
+    st.fixed_dictionaries({"distance": pairs, "value": numbers}, optional=common | {"priority": numbers}),
+    st.fixed_dictionaries({"look": turned, "like": places | st.just("source")}, optional=common),
     st.fixed_dictionaries(
-        {}, optional=of_all | {"between": pairs, "plant": parts, "keep": st.booleans(), "seconds": spans}
+        {}, optional=common | {"between": pairs, "plant": parts, "keep": st.booleans(), "seconds": spans}
     ),
 )
 contact_files = st.lists(_mostly(entries, made.strange_values), max_size=2).map(
@@ -93,7 +93,7 @@ maps = _mostly(made.map_files, made.broken_json(made.map_files))
 
 
 def _spoilt(draw: st.DrawFn, files: dict[str, str]) -> dict[str, str]:
-    """The files, one of them perhaps replaced by something that is no usual file."""
+    """The files, at times with one of them replaced by a special file or an empty one."""
     if draw(st.integers(0, 999)) % 8 == 5:
         files[draw(st.sampled_from(sorted(files)))] = draw(st.sampled_from(SPECIAL))
     return files
@@ -101,7 +101,7 @@ def _spoilt(draw: st.DrawFn, files: dict[str, str]) -> dict[str, str]:
 
 @st.composite
 def scenes(draw: st.DrawFn) -> Folder:
-    """A scene file with performers and props, or the options that say the same."""
+    """A scene file with performers and props, or equivalent options."""
     files, performers = dict[str, str](), []
     for number in range(draw(st.integers(1, 3))):
         performer: dict[str, Any] = {"source": f"p{number}.bvh", "target": f"body{number}.json"}
@@ -151,7 +151,7 @@ def scenes(draw: st.DrawFn) -> Folder:
 
 
 @st.composite
-def asked(draw: st.DrawFn) -> Folder:
+def contacts(draw: st.DrawFn) -> Folder:
     """A clip with a contact file, to retarget or to list."""
     files = {
         "in.bvh": draw(clips),

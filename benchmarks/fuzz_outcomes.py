@@ -1,4 +1,4 @@
-"""How a generated input of the program ends, and how much memory it takes."""
+"""The outcome of a generated input of the program, and its memory."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LONGEST_LINE = 1000  # characters of an error
 
 
 class NotReadBackError(Exception):
-    """What was written is not finite, or differs when it is read back."""
+    """An output is not finite, or differs when it is read back."""
 
 
 class TooLongError(Exception):
@@ -34,7 +34,7 @@ class TooLargeError(Exception):
 
 
 class Memory:
-    """The most memory that this process holds since the beginning [bytes]; Linux only."""
+    """The peak memory of this process since the start of the measurement; Linux only."""
 
     def __init__(self) -> None:
         Path("/proc/self/clear_refs").write_text("5")
@@ -46,7 +46,7 @@ class Memory:
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(key))
 
     def check(self, most: int) -> None:
-        """Check that it was no more than this [bytes]."""
+        """Raise a TooLargeError if the memory grew by more than this [bytes]."""
         if (used := self._status("VmHWM") - self._before) > most:
             raise TooLargeError(f"{used / 2**20:.0f} MB")
 
@@ -62,7 +62,7 @@ def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str
     memory = Memory()
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("error", RuntimeWarning)  # which a user would see
+            warnings.simplefilter("error", RuntimeWarning)  # a user would see it
             warnings.simplefilter("ignore", UserWarning)
             outcome = action(case) or RIGHT
         memory.check(MOST_MEMORY)
@@ -76,7 +76,7 @@ def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str
         return MEMORY, str(error)
     except NotReadBackError as error:
         return UNREADABLE, str(error)
-    except Exception as error:  # whatever a user would see as a traceback
+    except Exception as error:  # a user would see a traceback
         return TRACEBACK, "".join(traceback.format_exception(error)[-4:])
     finally:
         signal.alarm(0)
@@ -84,14 +84,14 @@ def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str
 
 
 def no_line(text: str) -> str:
-    """Why a text is no line for a user; empty for one that is."""
+    """Why a text is not a line that a user can read; empty if it is."""
     if text.isprintable() and len(text) <= LONGEST_LINE:
         return ""
     return f"no line for a user, {len(text)} characters: {text[:300]!r}"
 
 
 def read_back(reading: Callable[[], Any]) -> Any:
-    """Read what the program has written; an error means that it cannot be read back."""
+    """Read an output of the program; turn its errors into a NotReadBackError."""
     try:
         return reading()
     except DistretargetError as error:
@@ -99,7 +99,7 @@ def read_back(reading: Callable[[], Any]) -> Any:
 
 
 def check_close(values: np.ndarray, others: np.ndarray, off: float, what: str) -> None:
-    """Check that values are finite and read back as they were, but for so much."""
+    """Check that values and those read back are finite, and differ by at most `off`."""
     if values.shape != others.shape:
         raise NotReadBackError(f"{what}: {others.shape} of {values.shape}")
     if not (np.isfinite(values).all() and np.isfinite(others).all()):

@@ -28,7 +28,7 @@ from distretarget.pipeline.conversion import Conversion, Recipe
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
 
-SAME = 1e-6  # how far positions may be off when they are read back [of the largest coordinate]
+SAME = 1e-6  # tolerance of positions that are read back [of the largest coordinate]
 
 texts = st.one_of(
     st.tuples(st.just("clip"), st.one_of(made.clips, made.broken(made.clips))),
@@ -91,7 +91,7 @@ def convert(case: tuple[tuple[str, str], str, dict[str, Any]]) -> None:
 
 
 def _check_other_reader(text: str, skeleton: Skeleton) -> None:
-    """Check that pybvh reads a result, or that the run says that it will not."""
+    """Check that pybvh reads a result, or that the program warns that it cannot."""
     with tempfile.NamedTemporaryFile(suffix=".bvh") as file:
         file.write(text.encode("utf-8", "surrogateescape"))
         file.flush()

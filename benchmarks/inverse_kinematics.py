@@ -15,20 +15,20 @@ from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.vectors import Array
 
 SOLVER = "daqp"
-POSTURE = 1e-2  # mink's cost of leaving the rotation copy's posture; that of missing a place of an end is 1
+POSTURE = 1e-2  # mink's cost of departing from the rotation copy's posture; that of position errors of ends is 1
 DAMPING = 1e-3  # of mink's solver
-SETTLED = 1e-3  # a stage of GMR is over when a step lowers the norm of its tasks' errors by at most this ...
-MOST_STEPS = 10  # ... or after so many steps behind the first
+SETTLED = 1e-3  # a stage of GMR ends when a step lowers the norm of its tasks' errors by at most this ...
+MOST_STEPS = 10  # ... or after this many steps in addition to the first
 GMR_DAMPING, GMR_TASK_DAMPING = 0.5, 1.0  # of mink's solver, and of its tasks, in GMR
 W_FIRST, W_LAST = [3, 0, 1, 2], [1, 2, 3, 0]  # quaternions from x y z w to MuJoCo's w x y z, and back
-TIMESTEP = 1.0  # mink solves for velocities; a step moves along them for so long [s]
+TIMESTEP = 1.0  # mink solves for velocities; a step integrates them for this time [s]
 
 
 class ScaledGoals:
     """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
 
-    The tasks: hands, feet and hips are where they are in the source, scaled as the root's path, and joints turn as in
-    the rotation copy. Joints that follow their parents, as fingers without a counterpart do, are fixed in the model.
+    The goals: positions of hands, feet and hips as in the source, scaled like the root's path, and rotations as in the
+    rotation copy. Joints that follow their parents, such as fingers without a counterpart, are fixed in the model.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -76,8 +76,8 @@ class ScaledGoals:
 class Gmr(ScaledGoals):
     """The same model, posed as GMR does.
 
-    Each body is given the place of the source joint that drives it, scaled about the origin, and the rotation that
-    follows from it. The first stage turns all bodies and places the feet; the second places and turns all.
+    Each body's goals are the position of the source joint that drives it, scaled about the origin, and its rotation in
+    the rotation copy. The first stage uses rotations of all bodies and positions of the feet; the second uses all.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -117,12 +117,12 @@ class Gmr(ScaledGoals):
 
 
 def _frame_task(body: int, position: float, rotation: float, **others: float) -> mink.FrameTask:
-    """The task that brings a body to a place and rotation, with the costs of missing them."""
+    """The task that brings a body to a position and rotation, with costs of their errors."""
     return mink.FrameTask(f"joint{body}", "body", position_cost=position, orientation_cost=rotation, **others)
 
 
 def _weights(stage: int, body: int, feet: set[int]) -> tuple[float, float]:
-    """The costs of missing a body's place and its rotation in a stage, as in GMR for the robot G1."""
+    """The costs of errors of a body's position and rotation in a stage, as in GMR for the robot G1."""
     if body in feet:
         return 50.0, 10.0
     if stage == 1:
@@ -136,8 +136,8 @@ def _step(configuration: mink.Configuration, tasks: Sequence[mink.Task], damping
 
 
 def _xml(motion: Motion, turning: Sequence[int], unit: float) -> str:
-    """The target as a MuJoCo model in which some joints turn, and the others are as in the first frame; lengths in body
-    units.
+    """The target as a MuJoCo model, with lengths in body units; joints that are not `turning` are fixed as in the first
+    frame.
     """
     skeleton = motion.skeleton
 

@@ -1,16 +1,16 @@
-"""Measure what has a known answer: the same motion on two bodies, on a rig that lies, and equivalent inputs.
+"""Measure results with known answers: one motion on two bodies, on rigs with a misleading rest pose, equivalent inputs.
 
     python benchmarks/known_answers.py CORPUS [--frames N] [--markdown FILE]
 
-CORPUS is a folder with the real clips named in `clips.CLIPS`, and with the same motions in `cmu_mb` and `cmu_daz`. What
-is missing is left out. The lines are about:
+CORPUS is a folder with the real clips named in `clips.CLIPS`, and with the same motions in `cmu_mb` and `cmu_daz`;
+missing ones are left out. The lines are about:
 
-- rigs that lie: clips put on rigs in whose rest poses nobody can stand (`zoo.on_member`). Their twins in T-pose are
-  known answers for the same motion; between clips of one rig the alignment with a target should be the same;
+- rigs that lie: clips on rigs whose rest pose is not a standing one (`zoo.on_member`). The results of the same rigs in
+  T-pose are the known answers; and all clips of one rig should have the same alignment with a target;
 - known answers: the same motions on the bodies of `cmu_mb` and `cmu_daz`, each retargeted to the other. Those of
   `cmu_daz` were made by MotionBuilder from those of `cmu_mb`;
-- equivalent results: half the frame rate, twice the frame rate, halves of a clip alone, and rotations half a degree off
-  against the same result without.
+- equivalent results: half the frame rate, twice the frame rate, halves of a clip alone, and noise of half a degree on
+  rotations, against the result of the clip as it is.
 """
 
 from __future__ import annotations
@@ -53,9 +53,9 @@ NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
 
 def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float]]:
-    """How far clips of a member that lies, retargeted, are from the same of its twin in T-pose: the head's axis up, on
-    average over frames [degrees], and whether they have warnings of `TILTS` that their twins have not. And the largest
-    angle between the alignments of the clips with a target [degrees].
+    """Results of clips on a member that lies against those on its twin in T-pose: the mean angle between the heads' up
+    axes [degrees], and whether they have warnings of `TILTS` that the twin's do not have. And the largest angle between
+    the alignments of the clips with a target [degrees].
     """
     sources = [on_member(name, read_bvh(clip)[:frames]) for clip in clips]
     twins = [on_twin(name, read_bvh(clip)[:frames]) for clip in clips]
@@ -72,7 +72,7 @@ def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float
 
 
 def _head_up(result: RetargetResult) -> Array:
-    """(frames, 3), the axis up of the head of a result on a target whose rest pose stands."""
+    """The head's up axis in a result on a target whose rest pose stands, (frames, 3)."""
     target = result.matching.target
     head = target.anatomy.roles["head"] if target.anatomy else 0
     return np.asarray(Rotation.from_quat(result.motion.world_rotations_of(head)).apply(target.up_vector))
@@ -81,11 +81,12 @@ def _head_up(result: RetargetResult) -> Array:
 # ---- known answers
 
 
-def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> dict[str, list[float]]:
-    """The motion of a file on the body of another, against that file. For rotation copy and result: the mean direction
-    of bones [degrees]; while feet rest, their place from the hips [% of height] and the hips' height [% of leg length].
+def known_answer(frames: int, corpus: Path, folders: tuple[str, str], clip: str) -> dict[str, list[float]]:
+    """Errors of rotation copy and result of a file retargeted to the body of another, against that file: mean direction
+    of bones [degrees]; while feet rest, their position relative to the hips [% of height], and the hips' height [% of
+    leg length].
     """
-    motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in way)
+    motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in folders)
     result = retarget(motion, answer)
     body, rests = result.matching.target, result.comparison.stance[:, ::2]
     bones = shared_bones(result.matching)
@@ -107,7 +108,7 @@ def known_answer(frames: int, corpus: Path, way: tuple[str, str], clip: str) -> 
 
 
 def _bones(motion: Motion, lower: NDArray[np.intp]) -> Array:
-    """(frames, bones, 3), the bones above some joints."""
+    """The bones that end at some joints, (frames, bones, 3)."""
     return np.asarray(motion.positions[:, lower] - motion.positions[:, motion.skeleton.parents[lower]])
 
 
@@ -115,8 +116,8 @@ def _bones(motion: Motion, lower: NDArray[np.intp]) -> Array:
 
 
 def equivalent(frames: int, clip: Path, target: str) -> dict[str, tuple[float, float]]:
-    """The largest distance of a joint between equivalent results of a clip, and between their rotation copies, by what
-    was changed [% of height].
+    """The largest distance of a joint between equivalent results of a clip, and between their rotation copies, by the
+    change [% of height].
     """
     source = read_bvh(clip)[:frames]
     body = edited(source.rigid_skeleton, TARGETS[target])
@@ -137,7 +138,7 @@ def equivalent(frames: int, clip: Path, target: str) -> dict[str, tuple[float, f
 def _apart(
     whole: RetargetResult, body: Skeleton, changed: Sequence[tuple[Motion, slice, slice]]
 ) -> tuple[float, float]:
-    """The largest distance to the result of a whole clip, and to its copy [% of height]."""
+    """The largest distance of changed results to that of the whole clip, and of their copies [% of height]."""
     joints, height = whole.matching.target.regions.of_joint >= 0, whole.matching.target.height
     distances = []
     for motion, frames, own in changed:
@@ -190,9 +191,9 @@ def main(corpus: Path, frames: int, page: Path | None) -> None:
     stand = [clip for clip in sorted(some) if Body.of_motion(read_bvh(clip)[:1]).stands_at_rest]
     rigs = [name for name, each in MEMBERS.items() if each.pose in LYING and not each.builds]
     both = [clip for clip in SAME_MOTIONS if all((corpus / folder / f"{clip}.bvh").is_file() for folder in FOLDERS)]
-    ways = [FOLDERS, FOLDERS[::-1]] if both else []
+    pairs = [FOLDERS, FOLDERS[::-1]] if both else []
     rows = [*lying_rows(in_processes(partial(lying, frames, stand), product(rigs)))]
-    rows += answer_rows({way: in_processes(partial(known_answer, frames, corpus, way), product(both)) for way in ways})
+    rows += answer_rows({p: in_processes(partial(known_answer, frames, corpus, p), product(both)) for p in pairs})
     rows += equivalent_rows(in_processes(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False)))
     publish({"known answers": table(["known answer", "off it", "goal: at most"], rows)}, page)
 

@@ -26,7 +26,7 @@ Draw = np.random.Generator
 Document = dict[str, Any]
 
 FRAMES = 5  # of the animations
-LARGEST = 4_000_000  # of what is put in many times [bytes]
+LARGEST = 4_000_000  # limit of a repeated value [bytes]
 ODD_NUMBERS = (
     *(0, -1, 1, 2, 3, 65535, 65536, 10**9, 2**31, 2**32 - 1, 2**53, 2**63, 2**64, 10**30, -(2**31), 10**400),
     *(0.5, -0.5, 1e-3, 1e-30, 1e-160, 1e-320, 1e12, 1.1e12, 1e30, 1e200, 1e308, float("nan"), float("inf"), -0.0),
@@ -115,7 +115,7 @@ Place = tuple[Any, Any]  # what holds a value, and its key or number
 
 
 def _places(draw: Draw, document: Document) -> Place:
-    """A place in a document, at random, most of them where the reader looks."""
+    """A random place in a document, most often one that the reader uses."""
     keys = [key for key in PARTS if key in document] if draw.random() < 0.9 else list(document)
     if not keys or draw.random() < 0.03:
         keys = list(document) or ["asset"]
@@ -128,7 +128,7 @@ def _places(draw: Draw, document: Document) -> Place:
 
 
 def _odd(draw: Draw, document: Document) -> Any:
-    """Some value of any kind, most often a number."""
+    """A random value of any type, most often a number."""
     holder, key = _places(draw, document)
     number, name, count = _one(draw, ODD_NUMBERS), _one(draw, ODD_NAMES), _one(draw, (1, 3, 4, 16))
     numbers = [ODD_NUMBERS[n] for n in draw.integers(len(ODD_NUMBERS), size=count)]
@@ -197,7 +197,7 @@ def _transform(draw: Draw, document: Document) -> None:
 
 
 def _retarget(draw: Draw, document: Document) -> None:
-    """Another index where one is: children, joints, accessors, views."""
+    """Change a reference: a child, a joint, an accessor, a view ..."""
     entries = _entries(document, "nodes", "skins")
     lists = [entry[key] for entry in entries for key in ("children", "joints") if isinstance(entry.get(key), list)]
     found: list[Place] = [(each, number) for each in lists for number in range(len(each))]
@@ -221,7 +221,7 @@ def _objects(value: Any) -> list[dict[str, Any]]:
 
 
 def _line_of_nodes(draw: Draw, document: Document, many: int) -> None:
-    """A deep line of nodes below one of the document, whose end may be a joint of the first skin."""
+    """A long chain of nodes below one of the document, whose last may be a joint of the first skin."""
     nodes, name = document["nodes"], _one(draw, ("a", "", "Hips"))
     first = len(nodes)
     nodes += [{"name": name, "translation": [0, 0.1, 0], "children": [first + n + 1]} for n in range(many)]
@@ -232,7 +232,7 @@ def _line_of_nodes(draw: Draw, document: Document, many: int) -> None:
 
 
 def _grow(draw: Draw, document: Document) -> None:
-    """Much of something: deep lines of nodes, many entries or keys, deep nesting, long names and animations."""
+    """Grow something: a long chain of nodes, many entries or keys, deep nesting, long names and animations."""
     many = int(draw.choice([30, 300, 1200, 5000, 30000], p=[0.4, 0.3, 0.2, 0.08, 0.02]))
     kind, (holder, key) = draw.integers(6), _places(draw, document)
     if kind == 0:
@@ -254,7 +254,7 @@ def _grow(draw: Draw, document: Document) -> None:
 
 
 def _times(value: Any, many: int) -> list[Any]:
-    """A value many times, but not more than `LARGEST` allows."""
+    """A value many times, within `LARGEST`."""
     return [copy.deepcopy(value)] * min(many, LARGEST // len(json.dumps(value)))
 
 
@@ -265,7 +265,7 @@ STRUCTURE = (_replace, _replace, _remove, _remove, _double, _swap, _nudge, _rena
 
 
 def _numbers(draw: Draw, document: Document, buffer: bytearray) -> None:
-    """Odd numbers in what animations and skins use."""
+    """Odd numbers in accessors of animations and skins."""
     used = [entry["inverseBindMatrices"] for entry in document.get("skins", ()) if "inverseBindMatrices" in entry]
     samplers = [sampler for animation in document["animations"] for sampler in animation["samplers"]]
     used = sorted({*used, *(sampler[key] for sampler in samplers for key in ("input", "output"))})
@@ -290,7 +290,7 @@ def _numbers(draw: Draw, document: Document, buffer: bytearray) -> None:
 
 
 def _bytes(draw: Draw, content: bytes) -> bytes:
-    """Bytes flipped, removed, put in, or all after one cut off; most where headers are."""
+    """Bits flipped, bytes removed or inserted, or the end cut off; most often in the headers."""
     result = bytearray(content)
     for _ in range(draw.integers(1, 5)):
         near = int(draw.choice([28, 2000, len(result) or 1]))
@@ -324,10 +324,10 @@ def mutated(seed: int) -> tuple[str, bytes]:
     name = _one(draw, list(WHOLE))
     document, binary = whole(name)
     document, buffer = copy.deepcopy(document), bytearray(binary)
-    way = draw.random()
-    if way < 0.25:
+    choice = draw.random()
+    if choice < 0.25:
         _numbers(draw, document, buffer)
-    elif way < 0.85:
+    elif choice < 0.85:
         for _ in range(draw.choice([1, 2, 3, 6], p=[0.6, 0.2, 0.1, 0.1])):
             change = _grow if draw.random() < 0.05 else _one(draw, STRUCTURE)
             try:
@@ -336,6 +336,6 @@ def mutated(seed: int) -> tuple[str, bytes]:
                 continue  # the document has become too odd for this change
     as_text = bool(draw.random() < 0.15)
     content = _packed(draw, document, bytes(buffer), as_text)
-    if way >= 0.85:
+    if choice >= 0.85:
         content = _bytes(draw, content)
     return ".gltf" if as_text else SUFFIXES.get(name, ".glb"), content

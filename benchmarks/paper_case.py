@@ -104,7 +104,7 @@ def case(edit: str, clip: str = "walk") -> Case:
     return Case(source, edited(source.skeleton, EDITS[edit]))
 
 
-# ---- how far postures are from what was asked of them
+# ---- errors of postures
 
 
 def bones_of(points: Array, case: Case) -> Array:

@@ -1,5 +1,5 @@
-"""The paper's solver from any start, another solver of the same problem, and what is known exactly about it on the
-skeleton of Table I, beside what the program finds.
+"""The paper's solver from any start, another solver of the same problem, and checks of exactly known values on the
+skeleton of Table I.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from distretarget.ik.spg import Effort
 from distretarget.numerics.vectors import Array
 from distretarget.objectives.paper import Postures, aligned, solve_postures
 
-OFF = 0.05  # how far the start "copy, disturbed" is off in each coordinate, root mean square [body sizes]
-CLOUD = 0.2  # the same of the start "random points" about the centroid [body sizes]
+OFF = 0.05  # standard deviation of each coordinate of the start "copy, disturbed" [body sizes]
+CLOUD = 0.2  # the same of the start "random points" [body sizes]
 HIGHER = 1.01  # a minimum is another one if its sigma is more than this times the least known
 
 
@@ -95,7 +95,7 @@ def elsewhere(solved: Postures, edit: str, clip: str = "walk") -> float:
 # ---- known answers
 
 Check = tuple[str, str, str]
-"""What is checked, the known answer, and what is found."""
+"""A description, the known answer, and the value found."""
 
 MIRROR = np.array([-1.0, 1.0, 1.0])
 SCALE = 1.6
@@ -166,7 +166,7 @@ def fraction(value: float) -> str:
 
 
 def zero(value: float) -> str:
-    """The number, or 0 where only rounding separates it from 0."""
+    """The number, or 0 if it differs from 0 by rounding only."""
     return "0" if abs(value) < ROUNDING else f"{value:.2g}"
 
 

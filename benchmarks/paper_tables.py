@@ -134,7 +134,7 @@ def stress_terms(one: Case, points: Array) -> Array:
     return np.triu(one.problem.priorities * (distances - delta) ** 2, 1) / 2
 
 
-# ---- what the start does to the iterations of the solver, and to the minimum it ends in; means
+# ---- the effect of the start on the iterations of the solver, and on the minimum that it finds; means
 
 STARTS_HEAD = "start | iterations: walk / turn | sigma, end | in a higher minimum, % | mirrored, %"
 

@@ -1,9 +1,9 @@
-"""Plant faults into clean clips, and see whether `distretarget audit` finds each by its name.
+"""Plant faults in clean clips, and count how often `distretarget audit` finds each.
 
     python benchmarks/planted_faults.py FOLDER ...
 
-Clips of people that have 200 frames or more and no fault as they are get each of the faults in turn. Prints a table:
-the fault, the kind that names it, and in how many clips that is found.
+Each fault is planted in turn in all clips of people with 200 frames or more and no faults of their own. Prints a table:
+the fault, the kind as which it should be found, and in how many clips it is.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def step_at(motion, share, vector):
 
 
 def dip(motion, seconds):
-    """(frames, 1), 0, for some time up to 1 and back."""
+    """A bump, (frames, 1): 0, for some time up to 1 and back, and 0."""
     frames = round(seconds / motion.frame_time)
     path = np.zeros((len(motion), 1))
     path[60 : 60 + frames, 0] = np.hanning(frames)
@@ -103,7 +103,7 @@ def stretched(motion):
 
 
 def tip(degrees):
-    """A turn of the world about X; by 90 degrees as of a file with Z up in its data and Y up in its skeleton."""
+    """A rotation of the world about X; 90 degrees are as in a file with Z up in its data and Y up in its skeleton."""
     return Rotation.from_euler("x", degrees, degrees=True)
 
 
@@ -156,7 +156,7 @@ PLANTED = {
 
 
 def clean_clips(folders):
-    """The motions of people in some folders that have no faults, without a pose before they begin."""
+    """Yield the motions of people in some folders that have no faults, without poses before the motion begins."""
     for path in sorted(path for folder in folders for path in Path(folder).rglob("*.bvh")):
         try:
             motion = read_bvh(path)

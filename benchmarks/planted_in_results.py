@@ -1,10 +1,9 @@
-"""Plant faults that a person would see into good results, and see whether a figure goes over its limit.
+"""Plant visible faults in good results, and list the metrics that then go over their limits.
 
     python benchmarks/planted_in_results.py [CHARACTER] [--markdown FILE]
 
-Prints a table: the fault, the clip of `sample_bvh` in which it is planted, and the metrics that go over their limits by
-it, in the result, and in the rotation copy that the solver begins with, of which it mends some. CHARACTER is the
-sample's by default.
+Prints a table: the fault, the metrics over their limits if it is planted in the result, and if it is planted in the
+rotation copy from which the solver starts, where the solver may repair it. CHARACTER is the sample's by default.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ Array = np.ndarray
 
 @dataclass(frozen=True)
 class Stage:
-    """A result, and what the faults are measured in."""
+    """A result, with directions and sizes for planting faults."""
 
     result: RetargetResult
 
@@ -44,7 +43,7 @@ class Stage:
 
     @property
     def height(self) -> float:
-        """That of the target [file units]."""
+        """The height of the target [file units]."""
         return self.result.matching.target.height
 
     @property
@@ -68,7 +67,7 @@ class Stage:
         return np.cross(self.left, self.up)
 
     def all(self) -> Array:
-        """The numbers of all frames."""
+        """The indices of all frames."""
         return np.arange(len(self.motion))
 
     def turned(self, joint: int | str, turns: Array, frames: Array | None = None) -> Motion:
@@ -91,26 +90,26 @@ class Stage:
         return replace(self.motion, root_positions=self.motion.root_positions + by)
 
     def late(self, roles: tuple[str, ...], frames: int) -> Motion:
-        """The motion with some joints so many frames late."""
+        """The motion with the rotations of some joints delayed by a number of frames."""
         rotations, before = np.array(self.motion.rotations), np.maximum(self.all() - frames, 0)
         for role in roles:
             rotations[:, self.joint(role)] = rotations[before, self.joint(role)]
         return replace(self.motion, rotations=rotations)
 
     def hand_moved(self, side: str, by: Array) -> Motion:
-        """The motion with a hand moved by (3,) [file units] from the shoulder and the elbow; the hand is not turned."""
+        """The motion with a hand moved by (3,) [file units], by shoulder and elbow; its world rotation stays."""
         stage, hand = self, self.joint(f"{side}Hand")
         goal = self.motion.positions[:, hand] + by
-        kept = Rotation.from_quat(self.motion.world_rotations_of(hand))
+        rotation = Rotation.from_quat(self.motion.world_rotations_of(hand))
         for role in ("LowerArm", "UpperArm") * 12:
             at, end = (stage.motion.positions[:, joint] for joint in (self.joint(side + role), hand))
             axis, angle = np.cross(end - at, goal - at), angles_between(end - at, goal - at)
             stage = stage.on(stage.turned(side + role, np.degrees(angle)[:, None] * normalised(axis)))
         world = Rotation.from_quat(stage.motion.world_rotations_of(hand))
-        return stage.turned(hand, (kept * world.inv()).as_rotvec(degrees=True))
+        return stage.turned(hand, (rotation * world.inv()).as_rotvec(degrees=True))
 
     def crouched(self, degrees: float) -> Motion:
-        """The motion with knees more bent, and hips so much lower that the ankles stay where they are."""
+        """The motion with knees more bent, and hips lower so that the ankles stay in place."""
         stage, ankles = self, [self.joint(f"{side}Foot") for side in ("left", "right")]
         for side in ("left", "right"):
             for part, share in (("UpperLeg", -1.0), ("LowerLeg", 2.0), ("Foot", -1.0)):
@@ -119,7 +118,7 @@ class Stage:
         return stage.moved(-lower)
 
     def mirrored(self) -> Motion:
-        """The motion with what left and right limbs do exchanged, by turns of like rest poses."""
+        """The motion with rotations of left and right limbs exchanged, for rest poses that are symmetric."""
         rotations = np.array(self.motion.rotations)
         across = np.array([1.0, -1.0, -1.0, 1.0])  # mirrored across the plane between left and right, X to the left
         for role, joint in self.result.matching.target.anatomy.roles.items():
@@ -129,7 +128,7 @@ class Stage:
 
 
 def _shaking(stage: Stage, degrees: float) -> Array:
-    """(frames, 3), turns of a size about axes that change in every frame."""
+    """Rotation vectors of one angle about random axes, (frames, 3) [degrees]."""
     axes = np.random.default_rng(1).normal(size=(len(stage.motion), 3))
     return degrees * axes / np.linalg.norm(axes, axis=1)[:, None]
 
@@ -141,7 +140,7 @@ def _along_floor(stage: Stage, share: float) -> Motion:
 
 
 Fault = tuple[str, Callable[[Stage], Motion]]
-"""A clip, and what plants a fault in its result."""
+"""A clip, and a function that plants a fault in its result."""
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 FAULTS: dict[str, Fault] = {
     "root 3 % of height lower": ("walk", lambda s: s.moved(-0.03 * s.height * s.up)),
@@ -187,8 +186,8 @@ def stage_of(character: Path, sample: str) -> Stage:
     return Stage(retarget(read_bvh(SAMPLES / f"{sample}.bvh"), load_target(character)))
 
 
-def told(result: RetargetResult, before: RetargetResult) -> set[str]:
-    """The keys of the metrics of a result that are over their limits, and were not before, or not by half as much."""
+def newly_over(result: RetargetResult, before: RetargetResult) -> set[str]:
+    """The keys of metrics over their limits in a result that were within them before, or less than half as large."""
     values, earlier = (each.metrics["result"] for each in (result, before))
     over = {metric.key for metric in METRICS if metric.over_limit(result.metrics)}
     known = {metric.key for metric in METRICS if metric.over_limit(before.metrics)}
@@ -196,14 +195,14 @@ def told(result: RetargetResult, before: RetargetResult) -> set[str]:
 
 
 def seen(character: Path, fault: Fault) -> set[str]:
-    """The keys of the metrics that tell of a fault in a result."""
+    """The keys of metrics that go over their limits if a fault is planted in a result."""
     sample, plant = fault
     stage = stage_of(character, sample)
-    return told(replace(stage.result, motion=plant(stage)), stage.result)
+    return newly_over(replace(stage.result, motion=plant(stage)), stage.result)
 
 
 def seen_of_solver(character: Path, fault: Fault) -> set[str]:
-    """The keys of the metrics that tell of a fault in the rotation copy that the solver begins with."""
+    """The same if the fault is planted in the rotation copy from which the solver starts."""
     (sample, plant), right = fault, clip.rotation_copy
     stage = stage_of(character, sample)
 
@@ -213,7 +212,7 @@ def seen_of_solver(character: Path, fault: Fault) -> set[str]:
 
     clip.rotation_copy = wrong
     try:
-        return told(retarget(read_bvh(SAMPLES / f"{sample}.bvh"), load_target(character)), stage.result)
+        return newly_over(retarget(read_bvh(SAMPLES / f"{sample}.bvh"), load_target(character)), stage.result)
     finally:
         clip.rotation_copy = right
 

@@ -3,10 +3,10 @@
     python benchmarks/quality.py CORPUS [DUETS] [--clips GLOB] [--frames N] [--runs] [--markdown FILE]
 
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
-those that are missing. Each clip goes to the bodies of `edits.py` by both objectives, and to a third of the members of
-the zoo by the default one; and each member is the source of two others. The tables have every metric, mean / largest
-over the runs; and what must not occur, such as runs that are worse than the rotation copy. The samples with supports go
-to two of the scaled bodies, with a line each. `--runs` lists the runs.
+missing ones. Each clip is retargeted to the bodies of `edits.py` by both objectives, and to a third of the members of
+the zoo by the default one; and each member is the source for two others. The tables have every metric, mean / largest
+over the runs; and faults that must not occur, such as runs that are worse than the rotation copy. The samples with
+supports are retargeted to two of the scaled bodies, with a line each. `--runs` lists the runs.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ from distretarget.pipeline.options import OBJECTIVES
 
 SIDES: tuple[Variant, ...] = ("result", "rotation_copy", "source")
 SHARE = 3  # each clip is retargeted to one in three members, the next clip to the members after these
-APART = (7, 16)  # a member is the source of the members so many places after it in the table
+APART = (7, 16)  # a member is the source for the members at these distances after it in the table
 FEW_JOINTS = 40  # bodies with more joints have fingers or many helpers
 HIDDEN = {"stress"}  # of the paper's objective: docs/paper.md has them
-DECIMALS = 6  # the rest is rounding
+DECIMALS = 6  # of metrics; further digits are rounding errors
 SUPPORTED = ("child", "H")  # the bodies of the samples with supports
-OWN_BODY = 0.1  # a clip on its own body may be off by this [% of the body's height]
+OWN_BODY = 0.1  # tolerance of joint positions of a clip on its own body [% of the body's height]
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the metric].
 WORSE = {"foot_skate": 0.01, "contact_error": 0.002, "foot_height": 0.1}
 
 Row = tuple[str, ...]
-"""A line of a table: what was measured, its values, and the worst run."""
+"""A line of a table: a measure, its values, and the worst run."""
 Task = tuple[Path, str, str]
-"""A clip, the member of the zoo that it is put on to be the source, if any, and the one that it is retargeted to."""
+"""A clip, the member of the zoo that is the source's body, if not the clip's own, and the member that is the target."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class Run:
 
     @classmethod
     def of(cls, name: str, result: RetargetResult) -> Run:
-        """What is measured of a result, under a name."""
+        """The run of a result, under a name."""
         counts = len(result.motion), len(result.motion.skeleton.joints), int(result.effort.iterations.sum())
         return cls(name, *counts, result.metrics)
 
@@ -117,7 +117,7 @@ def own_body(frames: int, clip: Path, member: str) -> tuple[float, str] | None:
 
 
 def _deviation(result: RetargetResult) -> float:
-    """How far a joint of the body is from the source's at most [% of the body's height]."""
+    """The largest distance of a joint of the body from the source's [% of the body's height]."""
     body = result.matching.target
     joints = body.regions.of_joint >= 0
     away = np.linalg.norm(result.motion.positions - result.source.positions, axis=-1)[:, joints]
@@ -128,7 +128,7 @@ def _deviation(result: RetargetResult) -> float:
 
 
 def metric_rows(columns: Sequence[tuple[Sequence[Run], Variant]]) -> Iterator[Row]:
-    """Metrics, mean / largest over runs, with a column for each of some runs and a side of them."""
+    """Metrics, mean / largest over runs; each column is for some runs and a side."""
     for metric in METRICS:
         spreads = [
             mean_and_largest(np.round([run.metric(metric.key, side) for run in runs], DECIMALS), ".3g")
@@ -170,7 +170,7 @@ def _over_limit(metric: Metric, run: Run) -> float:
 
 
 def _excess(metric: Metric, run: Run) -> float:
-    """How far a run exceeds the limit for being worse than the rotation copy."""
+    """The amount by which a run exceeds the limit for being worse than the rotation copy."""
     result, copy, source = (run.metric(metric.key, side) for side in SIDES)
     if metric.judged == "value":
         return result - copy - WORSE[metric.key]
@@ -197,7 +197,7 @@ SUPPORTS_HEAD = (
 
 
 def support_row(run: Run) -> Row:
-    """A line for a run in which more than feet rest; a dash for the height where nothing of that is the floor."""
+    """A line for a run in which other parts than feet rest; the height is a dash if none of them is on the floor."""
     source, copy, result = (run.metrics[side] for side in ("source", "rotation_copy", "result"))
     heights = several([each.get("support_height") for each in (copy, result)], ".2f")
     skates = several([each.get("support_skate") for each in (source, copy, result)], ".3f")

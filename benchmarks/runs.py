@@ -21,7 +21,7 @@ Arguments, Result = ParamSpec("Arguments"), TypeVar("Result")
 
 
 def in_processes(function: Callable[..., Result], tasks: Iterable[tuple[object, ...]]) -> list[Result]:
-    """What a function makes of the arguments of each task, by several processes."""
+    """The results of a function for the arguments of each task, computed by several processes."""
     with ProcessPoolExecutor(PROCESSES) as pool:
         return list(pool.map(function, *zip(*tasks, strict=True)))
 
@@ -32,7 +32,7 @@ def clip_name(clip: Path) -> str:
 
 
 def alone(function: Callable[Arguments, Result], *args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
-    """What a function returns in a new process, whose libraries have one thread."""
+    """The result of a function, computed in a new process whose libraries use one thread."""
     os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     with ProcessPoolExecutor(1, get_context("spawn")) as pool:
         return pool.submit(function, *args, **kwargs).result()

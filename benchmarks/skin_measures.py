@@ -1,11 +1,11 @@
-"""What of a posed skin is inside the body, and how far hands are from what they touch, measured by libigl.
+"""The share of a posed skin inside the body, and the gaps between hands and other parts, measured by libigl.
 
-How far the skins of hand and hand, hand and hips, and hand and head are apart in a source has to be defined, as a BVH
-file has no skin. It is that of the average adult of anny, each joint turned as its rotation copy turns it, and put
-where the source has the joint that drives it, so that wrists and head are where they were captured. The source is
-scaled so that its leg and its trunk, from hip joints to shoulders, are together as long as the adult's. Joints of the
-trunk, which rigs place differently, are about the middle of the hip joints as in the copy, stretched to the source's
-trunk; and joints without a counterpart, such as fingers, follow their parents.
+The gaps between the skins of hand and hand, hand and hips, and hand and head in a source have to be defined, as a BVH
+file has no skin. The skin is that of the average adult of anny. Its joints have the rotations of the rotation copy and
+the positions of the source joints that drive them, so that wrists and head are where they were captured. The source is
+scaled so that its leg and its trunk, from hip joints to shoulders, have together the length of the adult's. Joints of
+the trunk, which rigs place differently, lie relative to the middle of the hip joints as in the copy, stretched to the
+source's trunk; joints without a counterpart, such as fingers, follow their parents.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ class Solid:
         self._closed = np.concatenate([self.triangles, fans])
 
     def contains(self, points: Array, queries: Array) -> NDArray[np.bool_]:
-        """(queries,), whether each is inside while the skin's points are at `points`, (points, 3)."""
+        """Whether each query point is inside, (queries,), with the skin's points at `points`, (points, 3)."""
         middles = [points[hole].mean(axis=0) for hole in self._holes]
         return np.asarray(igl.fast_winding_number(np.vstack([points, *middles]), self._closed, queries) > 0.5)
 
     def distances(self, points: Array, queries: Array) -> Array:
-        """(queries,), the distance of each from the surface, not from the fans."""
+        """The distance of each query point from the surface without the fans, (queries,)."""
         if not len(queries):
             return np.zeros(0)
         return np.sqrt(igl.point_mesh_squared_distance(queries, points, self.triangles)[0])
@@ -78,9 +78,7 @@ class Gaps:
         self._points = {hand: np.flatnonzero(skin.of_parts(hand)) for hand in dict.fromkeys(hand for hand, _ in PAIRS)}
 
     def of_frame(self, points: Array, counts: NDArray[np.bool_] | None = None) -> Array:
-        """(pairs,), the least distance of a hand's points from the other part's surface, or less the depth of the
-        deepest point inside it [% of height]; nan for pairs that do not count.
-        """
+        """The gap of each pair, (pairs,) [% of height], see `gap_to`; nan for pairs that do not count."""
         gaps = np.full(len(PAIRS), np.nan)
         for number, (hand, part) in enumerate(PAIRS):
             if counts is None or counts[number]:
@@ -89,8 +87,8 @@ class Gaps:
 
 
 def gap_to(solid: Solid, points: Array, hand: Array) -> float:
-    """The least distance of a hand's points, (n, 3), from the surface of a solid while the skin's points are at
-    `points`; where some are inside, the negative depth of the deepest [file units].
+    """The least distance of a hand's points, (n, 3), from the surface of a solid, with the skin's points at `points`;
+    if some are inside, minus the depth of the deepest [file units].
     """
     within = solid.contains(points, hand)
     if within.any():
@@ -99,7 +97,7 @@ def gap_to(solid: Solid, points: Array, hand: Array) -> float:
 
 
 def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
-    """(frames, pairs), the gaps of a run's source, 0 where skins overlap [% of height].
+    """The gaps in a run's source, (frames, pairs), 0 where skins overlap [% of height].
 
     Args:
         gaps: those of the average adult.
@@ -113,8 +111,8 @@ def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
 
 
 def source_places(run: RetargetResult, frames: Numbers) -> tuple[Array, Array]:
-    """Places (frames, joints, 3) and world rotations (frames, joints, 4) of the average adult's joints in the source's
-    posture; the module says how they are defined.
+    """Positions, (frames, joints, 3), and world rotations, (frames, joints, 4), of the average adult's joints in the
+    source's posture, as defined above in this module.
     """
     anatomy, legs = run.matching.target.anatomy, run.matching.target.legs
     assert anatomy is not None
@@ -152,8 +150,8 @@ def near(of_source: Array) -> NDArray[np.bool_]:
 
 
 def gap_error(gaps: Array, of_source: Array) -> float:
-    """Mean of how far gaps, (frames, pairs), are off the source's where the source is in contact [% of height]; nan
-    where it never is.
+    """The mean error of gaps, (frames, pairs), against the source's in contacts of the source [% of height]; nan if
+    there are none.
     """
     contact = near(of_source)
     return float(np.abs(gaps - of_source)[contact].mean()) if contact.any() else np.nan

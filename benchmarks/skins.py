@@ -1,4 +1,4 @@
-"""The skin of a character as its file has it: read and posed without the package's own code of meshes."""
+"""The skin of a character, read from its file and posed without the package's own code."""
 
 from __future__ import annotations
 
@@ -30,18 +30,18 @@ PART_OF_ROLE = {
     "UpperArm": "arm",
     "LowerArm": "forearm",
     "Hand": "hand",
-}  # what hangs on a joint, such as fingers on a hand, belongs to its part
-OFF = 0.01  # of the height: joints of skin and skeleton that are farther apart are not of one bind pose
+}  # other joints, such as fingers, belong to the part of their ancestor
+OFF = 0.01  # tolerance between the joints of skin and skeleton in the bind pose [of the height]
 
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The mesh of a character in its bind pose, about the rest pose of its skeleton.
+    """The mesh of a character in its bind pose, aligned with the rest pose of its skeleton.
 
     Attributes:
         skeleton: the joints that move it.
         points: (points, 3) [file units].
-        weights: (points, joints), the shares of the skeleton's joints in moving each point.
+        weights: (points, joints), skin weights.
         triangles: (triangles, 3), counter-clockwise from outside.
         parts: (points,), the part of the body that each point belongs to, a number of `PARTS`.
     """
@@ -89,13 +89,13 @@ class Skin:
 
     @property
     def volume(self) -> float:
-        """Of the mesh in the bind pose [file units cubed]; negative where its triangles look inwards."""
+        """The volume of the mesh in the bind pose [file units cubed]; negative if its triangles face inwards."""
         a, b, c = np.moveaxis(self.points[self.triangles] - self.points.mean(axis=0), 1, 0)
         return float(np.einsum("ti,ti->", a, np.cross(b, c)) / 6)
 
     @property
     def height(self) -> float:
-        """Its extent along the up axis of its file, Y, in the bind pose [file units]."""
+        """The extent along Y, the file's up axis, in the bind pose [file units]."""
         return float(np.ptp(self.points[:, 1]))
 
     def of_parts(self, *parts: str) -> NDArray[np.bool_]:
@@ -140,7 +140,7 @@ def parts_of(skeleton: Skeleton) -> Numbers:
 
 @dataclass(frozen=True, eq=False)
 class _Piece:
-    """A primitive: arrays as in `Skin`, in the space of the mesh, and where the joints of its skin are there."""
+    """A primitive: arrays as in `Skin`, in mesh space, and the positions of its skin's joints in mesh space."""
 
     points: Array
     joints: Numbers

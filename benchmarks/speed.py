@@ -38,7 +38,7 @@ from distretarget.numerics.vectors import Array
 
 CLIP = "cmu_mb/12_01.bvh"
 SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
-LEAST_SECONDS = 0.5  # of processor time, for which each run is repeated in a round
+LEAST_SECONDS = 0.5  # processor time for which each run is repeated in a round
 PEER = f"pybvh {version('pybvh')}"
 COMPARED_WITH = {f"{what}, {PEER}": f"{what}, distretarget" for what in ("reading", "writing")}
 HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
@@ -89,7 +89,7 @@ def of_files(clip: Path, source: Motion, body: Skeleton) -> Runs:
 
 
 def rows(runs: Runs, frames: int, rounds: int) -> list[list[str]]:
-    """For each run: frames per second, and its time relative to that of the one it is compared with."""
+    """For each run: frames per second, and its time relative to that of its counterpart."""
     for run in runs.values():
         run()
     repeats = [int(np.ceil(LEAST_SECONDS / Timer(run).timeit(1))) for run in runs.values()]

@@ -21,7 +21,7 @@ STILL = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 def missing() -> str:
-    """Why three.js cannot be asked here; empty if it can."""
+    """Why three.js cannot be run here; empty if it can."""
     if PACKAGES not in os.environ:
         return f"{PACKAGES} does not name a folder with the npm package three"
     if not _package().is_file():
@@ -42,8 +42,8 @@ def _package() -> Path:
 class ThreeJs:
     """The clip of a run, retargeted by three.js with the run's pairs of joints and its scale of the root's path.
 
-    The source stands in the target's axes already, and the target's bones are not turned in the bind pose, which is
-    what its `localOffsets` would have to bring about. Its bones turn as the source's do, so rest poses should agree.
+    Source and target have the same axes already, and the target's bones have no rotations in the bind pose, so that
+    `localOffsets` are not needed. three.js copies rotations, so rest poses should agree.
     """
 
     run: RetargetResult

@@ -19,48 +19,48 @@ OPTIONS = ("keys", "start", "animation", "whole_frames", "mirror", "loop", "in_p
 
 
 def main() -> None:
-    """Retarget and save; a fault is one line and exit code 1."""
-    if not hasattr(bpy.types.Scene, "distretarget"):  # Blender's preferences have not enabled it
+    """Retarget and save; an error is one line and exit code 1."""
+    if not hasattr(bpy.types.Scene, "distretarget"):  # the extension is not enabled in Blender's preferences
         here = Path(__file__).resolve().parent
         sys.path.insert(0, str(here.parent))
         extension = importlib.import_module(here.name)
         extension.register()
-        atexit.register(extension.unregister)  # Python would hang as it ends
-    asked = _asked()
-    if asked.character.suffix != ".blend" or not asked.character.is_file():
+        atexit.register(extension.unregister)  # Python would hang at exit otherwise
+    given = _arguments()
+    if given.character.suffix != ".blend" or not given.character.is_file():
         sys.exit(
-            f"Error: {asked.character}: expected a .blend file; GLB and VRM need no Blender: distretarget CLIP HERO.glb"
+            f"Error: {given.character}: expected a .blend file; GLB and VRM need no Blender: distretarget CLIP HERO.glb"
         )
-    if asked.out.suffix != ".blend" or asked.out.exists():
-        sys.exit(f"Error: {asked.out}: expected the name of a new .blend file")
+    if given.out.suffix != ".blend" or given.out.exists():
+        sys.exit(f"Error: {given.out}: expected the name of a new .blend file")
     try:
-        bpy.ops.wm.open_mainfile(filepath=str(asked.character.resolve()), load_ui=False)
-        bpy.context.view_layer.objects.active = _armature(asked.armature)
-        settings, clip = bpy.context.scene.distretarget, str(asked.clip.resolve())
+        bpy.ops.wm.open_mainfile(filepath=str(given.character.resolve()), load_ui=False)
+        bpy.context.view_layer.objects.active = _armature(given.armature)
+        settings, clip = bpy.context.scene.distretarget, str(given.clip.resolve())
         for name in OPTIONS:
-            setattr(settings, name, getattr(asked, name))
-        if asked.clip.is_dir():
+            setattr(settings, name, getattr(given, name))
+        if given.clip.is_dir():
             settings.folder = clip
             bpy.ops.distretarget.retarget_folder()
         else:
             settings.clip = clip
-            if asked.contacts:
-                bpy.ops.distretarget.contacts_import(filepath=str(asked.contacts))
+            if given.contacts:
+                bpy.ops.distretarget.contacts_import(filepath=str(given.contacts))
             bpy.ops.distretarget.retarget()
-        bpy.ops.wm.save_as_mainfile(filepath=str(asked.out.resolve()))
+        bpy.ops.wm.save_as_mainfile(filepath=str(given.out.resolve()))
     except RuntimeError as error:
         sys.exit(str(error).strip().splitlines()[0])
     for line in (settings.verdict, *(each.name for each in settings.warnings)):
         print(line)
 
 
-def _asked() -> argparse.Namespace:
-    """The arguments after `--`, or all of them where there is none; options are the settings of the panel."""
+def _arguments() -> argparse.Namespace:
+    """The arguments after `--`, or all if there is none; the options are settings of the panel."""
     parser = argparse.ArgumentParser(prog="blender --background --python command.py --")
     parser.add_argument("character", type=Path, metavar="HERO.blend")
     parser.add_argument("clip", type=Path, metavar="CLIP", help="BVH, FBX, GLB, VRMA or npz, or a folder of them")
     parser.add_argument("out", type=Path, metavar="OUT.blend")
-    parser.add_argument("--armature", metavar="NAME", help="where the file has several")
+    parser.add_argument("--armature", metavar="NAME", help="of the character, if the file has several")
     parser.add_argument("--contacts", type=Path, metavar="FILE", help="a contact file")
     for name in OPTIONS:
         setting = bpy.context.scene.distretarget.bl_rna.properties[name]
@@ -71,10 +71,10 @@ def _asked() -> argparse.Namespace:
 
 
 def _armature(name: str | None) -> bpy.types.Object:
-    """The armature with a name, else the only one with meshes, else the only one."""
+    """The only armature, of this name if given; if there are several, the only one with meshes."""
     objects = bpy.context.view_layer.objects
-    all_ = [each for each in objects if each.type == "ARMATURE" and name in (None, each.name)]
-    found = [each for each in all_ if any(mesh.find_armature() == each for mesh in objects)] or all_
+    armatures = [each for each in objects if each.type == "ARMATURE" and name in (None, each.name)]
+    found = [each for each in armatures if any(mesh.find_armature() == each for mesh in objects)] or armatures
     if len(found) != 1:
         names = ", ".join(repr(each.name) for each in objects if each.type == "ARMATURE") or "none"
         sys.exit(f"Error: expected one armature{f' {name!r}' if name else '; choose with --armature'}, found {names}")

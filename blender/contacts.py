@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What is to become of the contacts of clips: entries of contact files, kept in the scene and shown as markers.
+"""The contacts of clips, and the changes to them: entries of contact files, stored in the scene and shown as markers.
 
-An entry is kept as the text that a contact file has for it; the properties of the panel read and change that text.
+An entry is stored as its JSON text in a contact file; the properties of the panel read and change that text.
 """
 
 import itertools
@@ -15,26 +15,26 @@ import bpy
 from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 Entry = dict[str, Any]
-SUBJECTS = ("between", "plant", "look", "distance")  # the fields that say what an entry is about
-SAID = ("keep", "gap", "firmness", "on")  # the fields that say what becomes of it
-STATES = {  # by subject, what may become of it: its name, and what the panel shows
+KINDS = ("between", "plant", "look", "distance")  # of entries: the field that names the parts of the body
+CHANGED = ("keep", "gap", "firmness", "on")  # the fields that depend on the state
+STATES = {  # by kind, the states of an entry: (identifier, label, tooltip)
     "between": [
-        ("FOUND", "As found", "It is kept as far as it is found in the clip"),
+        ("FOUND", "As found", "Keep the contact where it is found in the clip"),
         ("DROP", "Drop", "These parts need not touch"),
-        ("SOURCE", "Hold as in the clip", "The skins are as far apart as in the clip"),
-        ("GAP", "Hold at a gap", "The skins are as far apart as the gap says"),
+        ("SOURCE", "Hold as in the clip", "Keep the distance between the skins in the clip"),
+        ("GAP", "Hold at a gap", "Keep the gap between the skins"),
     ],
     "plant": [
-        ("FOUND", "As found", "It rests as far as it is found to rest in the clip"),
-        ("DROP", "Let go", "It need not rest"),
-        ("FLOOR", "On the floor", "It rests on the floor"),
-        ("HERE", "Where it is", "It stays at its mean place"),
-        ("THERE", "On what the file says", "It rests on a place, a joint or a prop that a contact file names"),
+        ("FOUND", "As found", "Keep the part in place where it is found to rest in the clip"),
+        ("DROP", "Let go", "The part need not rest"),
+        ("FLOOR", "On the floor", "The part rests on the floor"),
+        ("HERE", "Where it is", "The part stays at its mean position"),
+        ("THERE", "As in the file", "The part rests on a position, a joint or a prop that a contact file names"),
     ],
-    "look": [("ASKED", "Ask for it", "A direction that a contact file asks for")],
-    "distance": [("ASKED", "Ask for it", "A distance that a contact file asks for")],
+    "look": [("HOLD", "Hold", "Keep the direction that a contact file gives")],
+    "distance": [("HOLD", "Hold", "Keep the distance that a contact file gives")],
 }
-CHANGES = {  # what an entry says, by state
+CHANGES = {  # fields of an entry by state
     "FOUND": {"keep": True},
     "DROP": {"keep": False},
     "SOURCE": {"gap": "source"},
@@ -44,20 +44,20 @@ CHANGES = {  # what an entry says, by state
 }
 
 
-def subject_of(entry: Entry) -> str:
-    return next(each for each in SUBJECTS if each in entry)
+def kind_of(entry: Entry) -> str:
+    return next(each for each in KINDS if each in entry)
 
 
 def title_of(entry: Entry) -> str:
-    """What an entry is about, in words."""
-    named = entry[subject_of(entry)]
-    return named if isinstance(named, str) else " - ".join(named)
+    """The parts of an entry, as a title."""
+    parts = entry[kind_of(entry)]
+    return parts if isinstance(parts, str) else " - ".join(parts)
 
 
 def state_of(entry: Entry) -> str:
-    """What is to become of it; where it is "FOUND", the entry changes nothing."""
-    if subject_of(entry) in ("look", "distance"):
-        return "ASKED"
+    """The state of an entry, one of `STATES`; with "FOUND" it changes nothing."""
+    if kind_of(entry) in ("look", "distance"):
+        return "HOLD"
     if entry.get("keep") is False:
         return "DROP"
     if "gap" in entry:
@@ -66,7 +66,7 @@ def state_of(entry: Entry) -> str:
 
 
 def span_of(entry: Entry, settings: bpy.types.PropertyGroup) -> list[int]:
-    """The first and the last frame of the clip for which an entry is, counted from 0."""
+    """The first and the last frame of an entry, frames of the clip from 0."""
     if "seconds" in entry and settings.frame_time:
         return [round(each / settings.frame_time) for each in entry["seconds"]]
     return [int(each) for each in entry.get("frames", (0, max(settings.frames - 1, 0)))]
@@ -79,37 +79,37 @@ def clip_frame(settings: bpy.types.PropertyGroup, frame: float) -> int:
 
 
 def _change(row: bpy.types.PropertyGroup, **values: Any) -> None:
-    """Change fields of the entry of a row; None takes one out, and so does the usual firmness."""
-    said = (json.loads(row.entry) | values).items()
-    row.entry = json.dumps({key: value for key, value in said if value is not None and (key, value) != ("firmness", 1)})
+    """Change fields of the entry of a row; None, and the default firmness of 1, remove a field."""
+    fields = {key: value for key, value in (json.loads(row.entry) | values).items() if value is not None}
+    row.entry = json.dumps({key: value for key, value in fields.items() if (key, value) != ("firmness", 1)})
 
 
-def _number(key: str, usual: float) -> dict[str, Any]:
-    """How a number of the entry of a row is read and changed."""
+def _number(key: str, default: float) -> dict[str, Any]:
+    """The getter and setter of a property for a number in the entry of a row."""
 
     def get(row: bpy.types.PropertyGroup) -> float:
-        value = json.loads(row.entry).get(key, usual)
-        return usual if isinstance(value, str) else float(value)
+        value = json.loads(row.entry).get(key, default)
+        return default if isinstance(value, str) else float(value)
 
     return {"get": get, "set": lambda row, value: _change(row, **{key: round(value, 4)})}
 
 
 def _end(which: int) -> dict[str, Any]:
-    """How the first or the last frame of a row is read and changed, in frames of the scene."""
+    """The getter and setter of a property for the first (0) or last (1) frame of a row, in frames of the scene."""
 
     def get(row: bpy.types.PropertyGroup) -> int:
         settings = row.id_data.distretarget
         return round(settings.start + span_of(json.loads(row.entry), settings)[which] * settings.step)
 
     def set_(row: bpy.types.PropertyGroup, frame: int) -> None:
-        with listed(row.id_data):
+        with changing_contacts(row.id_data):
             _move(row, which, frame)
 
     return {"get": get, "set": set_}
 
 
 def _move(row: bpy.types.PropertyGroup, which: int, frame: int) -> None:
-    """Move the first or the last frame of a row, and the other with it where they would change places."""
+    """Move the first or the last frame of a row; the other moves along if they would change their order."""
     settings = row.id_data.distretarget
     span = span_of(json.loads(row.entry), settings)
     span[which] = clip_frame(settings, frame)
@@ -119,20 +119,20 @@ def _move(row: bpy.types.PropertyGroup, which: int, frame: int) -> None:
 
 def _get_state(row: bpy.types.PropertyGroup) -> int:
     entry = json.loads(row.entry)
-    return [state for state, *_ in STATES[subject_of(entry)]].index(state_of(entry))
+    return [state for state, *_ in STATES[kind_of(entry)]].index(state_of(entry))
 
 
 def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
     entry = json.loads(row.entry)
-    state, found = STATES[subject_of(entry)][number][0], re.match(r"[\d.]+", entry.get("found", ""))
+    state, found = STATES[kind_of(entry)][number][0], re.match(r"[\d.]+", entry.get("found", ""))
     if state in CHANGES and state != state_of(entry):
         gap = {"gap": float(found[0])} if found and state == "GAP" else {}
-        with listed(row.id_data):
-            _change(row, **dict.fromkeys(SAID) | CHANGES[state] | gap)
+        with changing_contacts(row.id_data):
+            _change(row, **dict.fromkeys(CHANGED) | CHANGES[state] | gap)
 
 
 class DISTRETARGET_PG_mark(bpy.types.PropertyGroup):
-    """A marker, by its name, with the end of a contact at which it was put, and the frame."""
+    """The marker called `name` for the first (0) or last (1) frame of a contact, and the frame at which it was put."""
 
     row: IntProperty()
     end: IntProperty()
@@ -144,13 +144,13 @@ class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
     entry: StringProperty()
     state: EnumProperty(
         name="Contact",
-        items=lambda row, _: STATES[subject_of(json.loads(row.entry))],
+        items=lambda row, _: STATES[kind_of(json.loads(row.entry))],
         get=_get_state,
         set=_set_state,
     )
     gap: FloatProperty(name="Gap", description="Between the skins [cm]", min=0.0, **_number("gap", 0.0))
     firmness: FloatProperty(
-        name="Firmness", description="How far they are brought there", min=0.0, max=1.0, **_number("firmness", 1.0)
+        name="Firmness", description="1 reaches the gap, 0 not at all", min=0.0, max=1.0, **_number("firmness", 1.0)
     )
     first: IntProperty(name="First frame", **_end(0))
     last: IntProperty(name="Last frame", **_end(1))
@@ -162,22 +162,22 @@ def entries_of(scene: bpy.types.Scene, clip: str) -> list[Entry]:
 
 
 def put(scene: bpy.types.Scene, clip: str, *entries: Iterable[Entry]) -> None:
-    """List some entries for a clip, in place of all that are listed for it; the first of several for the same span."""
-    settings, kept = scene.distretarget, {}
+    """Replace the entries of a clip; of several with the same parts and frames the first is kept."""
+    settings, unique = scene.distretarget, {}
     for entry in itertools.chain(*entries):
-        about = [subject_of(entry), sorted(title_of(entry).split(" - ")), entry.get("frames"), entry.get("seconds")]
-        kept.setdefault(json.dumps(about), entry)
+        key = [kind_of(entry), sorted(title_of(entry).split(" - ")), entry.get("frames"), entry.get("seconds")]
+        unique.setdefault(json.dumps(key), entry)
     rows = settings.contacts
     for number in reversed([number for number, row in enumerate(rows) if row.clip == clip]):
         rows.remove(number)
-    for entry in sorted(kept.values(), key=lambda each: span_of(each, settings)):
+    for entry in sorted(unique.values(), key=lambda each: span_of(each, settings)):
         row = rows.add()
         row.clip, row.entry = clip, json.dumps(entry)
 
 
 @contextmanager
-def listed(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGroup]:
-    """The settings of a scene, while its contacts are changed: markers that were moved count, and follow after."""
+def changing_contacts(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGroup]:
+    """The settings of a scene, to change its contacts: before, moved markers are read, after, markers are set again."""
     take_markers(scene)
     try:
         yield scene.distretarget
@@ -186,7 +186,7 @@ def listed(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGroup]:
 
 
 def take_markers(scene: bpy.types.Scene) -> None:
-    """Give contacts the frames to which their markers were moved."""
+    """Move the ends of contacts to the frames to which their markers were moved."""
     settings = scene.distretarget
     for mark in settings.marks:
         marker = scene.timeline_markers.get(mark.name)
@@ -195,14 +195,14 @@ def take_markers(scene: bpy.types.Scene) -> None:
 
 
 def set_markers(scene: bpy.types.Scene) -> None:
-    """Show the contacts of the clip as markers at their first and last frames; not what rests as found."""
+    """Show the contacts of the clip as markers at their first and last frames, except parts that rest as found."""
     settings, markers = scene.distretarget, scene.timeline_markers
     for marker in filter(None, map(markers.get, settings.marks.keys())):
         markers.remove(marker)
     settings.marks.clear()
     for number, row in enumerate(settings.contacts if settings.markers and settings.step else ()):
         entry = json.loads(row.entry)
-        if row.clip == settings.clip_key and (subject_of(entry) != "plant" or state_of(entry) != "FOUND"):
+        if row.clip == settings.clip_key and (kind_of(entry) != "plant" or state_of(entry) != "FOUND"):
             start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
             for end, frame in enumerate((row.first, row.last)):
                 mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"

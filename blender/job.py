@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A clip that is retargeted onto a character by a process of its own, so that Blender can be used meanwhile."""
+"""A job: a clip that a separate process retargets to a character, so that Blender can be used meanwhile."""
 
 import pickle
 import subprocess
@@ -14,7 +14,7 @@ import numpy as np
 
 from .contacts import entries_of, state_of
 from .keys import keyed, poses_of
-from .rig import motion_of, others_on, shape_of, title_of
+from .rig import motion_of, other_animation, shape_of, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -22,7 +22,7 @@ WORKER = Path(__file__).with_name("worker.py")
 
 
 class FailedError(Exception):
-    """What a user is told in a line."""
+    """An error that is reported to the user in one line."""
 
 
 def chosen_armature(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -34,7 +34,7 @@ def chosen_armature(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def target_of(context: bpy.types.Context) -> bpy.types.Object:
-    """The armature that was chosen, if a motion can be on it."""
+    """The chosen armature; a FailedError if it cannot get a motion."""
     chosen = chosen_armature(context)
     if chosen is None:
         raise FailedError("select the armature of a character, or its mesh")
@@ -47,11 +47,11 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object:
     return chosen
 
 
-Names = tuple[str, str]  # of a scene and an armature, which are found again by them: undo replaces everything
+Names = tuple[str, str]  # of a scene and an armature; objects cannot be kept, since undo replaces them
 
 
-def there(names: Names) -> tuple[bpy.types.Scene, bpy.types.Object]:
-    """The scene and the armature of names."""
+def objects_of(names: Names) -> tuple[bpy.types.Scene, bpy.types.Object]:
+    """The scene and the armature with these names; a FailedError if they are gone."""
     scene, armature = bpy.data.scenes.get(names[0]), bpy.data.objects.get(names[1])
     if scene is None or armature is None or armature.type != "ARMATURE":
         raise FailedError(f"{names[1]!r} or its scene is gone; the motion was dropped")
@@ -59,12 +59,12 @@ def there(names: Names) -> tuple[bpy.types.Scene, bpy.types.Object]:
 
 
 class Job:
-    """A clip on its way to an armature."""
+    """A clip that is retargeted to an armature."""
 
     def __init__(self, names: Names, clip: Path | bpy.types.Object) -> None:
         """`names` are those of the scene and the armature; `clip` is a file, or an armature that moves."""
         is_file = isinstance(clip, Path)
-        (scene, armature), self.names = there(names), names
+        (scene, armature), self.names = objects_of(names), names
         if is_file and clip.suffix.lower() not in ENDINGS:
             raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
         if is_file and not clip.is_file():
@@ -91,23 +91,23 @@ class Job:
             "armature": armature.name,
             "keys": self.keys,
         }
-        self.place = tempfile.TemporaryDirectory(prefix="distretarget_")
-        self.folder = Path(self.place.name)
+        self.temporary = tempfile.TemporaryDirectory(prefix="distretarget_")
+        self.folder = Path(self.temporary.name)
         (self.folder / "job").write_bytes(pickle.dumps(job))
         if self.keys != "JOINTS":
             bpy.data.libraries.write(str(self.folder / "character.blend"), {armature}, path_remap="ABSOLUTE")
 
     def done(self) -> Iterator[str]:
-        """Yield how far it is, in words, until it is done, or stopped."""
-        progress, said, answer = (self.folder / name for name in ("progress", "said", "answer"))
+        """Run the process; yield its progress as text until it has finished."""
+        progress, log, answer = (self.folder / name for name in ("progress", "log", "answer"))
         progress.write_text("Retargeting", "utf-8")
-        with said.open("wb") as output:
+        with log.open("wb") as output:
             self.process = subprocess.Popen([*self._command(), str(self.folder)], stdout=output, stderr=output)
         try:
             while self.process.poll() is None:
                 yield progress.read_text("utf-8")
             if self.process.returncode or not answer.is_file():
-                lines = [self.process.returncode, *said.read_text("utf-8", "replace").split("\n")]
+                lines = [self.process.returncode, *log.read_text("utf-8", "replace").split("\n")]
                 last = next(line for line in reversed(lines) if line and str(line).strip())
                 raise FailedError(f"retargeting stopped: {last}; nothing is changed")
             self.answer = pickle.loads(answer.read_bytes())
@@ -116,25 +116,25 @@ class Job:
         finally:
             self.process.kill()
             self.process.wait()
-            self.place.cleanup()
+            self.temporary.cleanup()
 
     def _command(self) -> list[str]:
-        """The command that runs the worker: in Python, or in another Blender, without the user's settings."""
-        if self.keys == "JOINTS" or not bpy.app.binary_path:  # that is a module of Python
+        """The command that runs the worker in Python, or to set controls in another Blender, without user settings."""
+        if self.keys == "JOINTS" or not bpy.app.binary_path:  # without a path, Blender is a module of Python
             return [sys.executable, str(WORKER)]
         scripts = "--disable-autoexec" if bpy.app.autoexec_fail else "--enable-autoexec"
         start = [bpy.app.binary_path, "--background", "--factory-startup", scripts, "--python-exit-code", "1"]
         return [*start, "--python", str(WORKER), "--"]
 
     def apply(self) -> tuple[bpy.types.Action, dict[str, Any]]:
-        """Make an action of the answer; return it and what there is to say."""
-        (scene, armature), answer = there(self.names), self.answer
+        """Make an action of the worker's answer; return it, and the answer with more warnings."""
+        (scene, armature), answer = objects_of(self.names), self.answer
         if armature.data.bones.keys() != self.bones:
             raise FailedError(f"{armature.name!r} has other bones than before; retarget again")
         names, matrices, on_joints = answer["names"], answer["matrices"], self.keys == "JOINTS"
         rate = scene.render.fps / scene.render.fps_base
         times = self.start + np.arange(len(matrices)) * answer["frame_time"] * rate
-        others = others_on(armature, names if on_joints else ())
+        others = other_animation(armature, names if on_joints else ())
         for _, each in others:
             each.mute = True
         transforms = poses_of(armature, names, matrices)[1] if on_joints else answer["transforms"]

@@ -9,16 +9,16 @@ from mathutils import Matrix
 
 from .rig import moved_bones
 
-STILL = 1e-5  # locations up to this get no keys [of the bone]
-ALIKE = 1e-6  # transforms up to this from none get no keys
-LINEAR = 1  # the number of this interpolation
-Frames = dict[str, list[Matrix]]  # of bones, by frame
+STILL = 1e-5  # smaller locations get no keys [of the bone's length]
+LINEAR = 1  # Blender's number of linear interpolation
+Frames = dict[str, list[Matrix]]  # by bone, a matrix per frame
 
 
 def poses_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.ndarray) -> tuple[Frames, Frames]:
-    """Poses in the armature, and own transforms, of the bones of joints and of those above them, which keep to theirs.
+    """Poses in armature space, and transforms relative to the rest pose, of the bones of joints and of their ancestors,
+    which stay at rest.
 
-    `matrices`, (frames, joints, 4, 4), lead from the rest pose without its places to the world.
+    `matrices`, (frames, joints, 4, 4), have the joints' world positions and their rotations from the rest pose.
     """
     world, poses, transforms = np.array(armature.matrix_world), {}, {}
     for bone in moved_bones(armature, joints):
@@ -26,10 +26,10 @@ def poses_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.nda
         if bone.name in joints:
             axes = world @ np.array(bone.bone.matrix_local)
             axes[:3, 3] = 0.0
-            there = np.linalg.inv(world) @ matrices[:, joints.index(bone.name)] @ axes
-            poses[bone.name] = [*map(Matrix, there.tolist())]
-            both = zip(poses[bone.name], above, strict=True)
-            transforms[bone.name] = [converted(bone, pose, parent, invert=True) for pose, parent in both]
+            posed = np.linalg.inv(world) @ matrices[:, joints.index(bone.name)] @ axes
+            poses[bone.name] = [*map(Matrix, posed.tolist())]
+            pairs = zip(poses[bone.name], above, strict=True)
+            transforms[bone.name] = [converted(bone, pose, parent, invert=True) for pose, parent in pairs]
         else:
             transforms[bone.name] = [Matrix()] * len(matrices)
             poses[bone.name] = [converted(bone, Matrix(), parent, invert=False) for parent in above]
@@ -37,7 +37,7 @@ def poses_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.nda
 
 
 def converted(bone: bpy.types.PoseBone, matrix: Matrix, parent: Matrix | None, invert: bool) -> Matrix:
-    """A bone's own transform as its pose in the armature, or the other way round with `invert`."""
+    """A bone's pose in armature space, from its transform relative to its rest pose, or with `invert` the reverse."""
     if parent is None:
         return bone.bone.convert_local_to_pose(matrix, bone.bone.matrix_local, invert=invert)
     above = bone.bone.parent.matrix_local
@@ -47,9 +47,8 @@ def converted(bone: bpy.types.PoseBone, matrix: Matrix, parent: Matrix | None, i
 
 
 def without_action(armature: bpy.types.Object) -> bpy.types.AnimData:
-    """Take its action from the armature, which stays in the file; show its pose, with all bones in the rest pose.
-
-    Return what holds actions.
+    """Unlink the armature's action, which stays in the file, put all bones in the rest pose, and show it as the pose;
+    return the armature's animation data.
     """
     data = armature.animation_data_create()
     data.use_tweak_mode = False
@@ -69,10 +68,10 @@ def keyed(
     transforms: Mapping[str, Sequence[Matrix]],
     switches: Iterable[tuple[str, str, float]],
 ) -> bpy.types.Action:
-    """Give the armature a new action that counts in full, and return it.
+    """Give the armature a new action with full influence, and return it.
 
-    `transforms` are those of its bones at some `times`, frames of the scene; `switches` are custom properties that have
-    a value all the time: a bone, a name and the value each.
+    `transforms` of bones are relative to the rest pose, one for each of the `times` [frames of the scene]; `switches`
+    are constant custom properties, (bone, property, value) each.
     """
     data = without_action(armature)
     action = data.action = bpy.data.actions.new(name)
@@ -89,7 +88,7 @@ def keyed(
 def _set_keys(
     action: bpy.types.Action, bone: bpy.types.PoseBone, transforms: Sequence[Matrix], times: np.ndarray
 ) -> None:
-    """Set the keys of a bone: its own transforms at some times; locations only where it has any."""
+    """Set the keys of a bone: rotations, and locations unless all are `STILL`."""
     parts = [Matrix(transform).decompose()[:2] for transform in transforms]
     locations, rotations = (np.array([[*part[index]] for part in parts]) for index in (0, 1))
     flips = np.cumprod(np.where((rotations[1:] * rotations[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
@@ -111,7 +110,7 @@ def _set_keys(
 
 
 def _curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
-    """The curves of an action, also where it has slots."""
+    """The curves of an action, with or without layers (Blender 4.4 and later have them)."""
     if getattr(action, "layers", None):
         strips = [strip for layer in action.layers for strip in layer.strips]
         return [curve for strip in strips for bag in strip.channelbags for curve in bag.fcurves]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Retarget a clip, or a folder of them, onto the active armature, while Blender goes on; and change contacts."""
+"""Operators: retarget a clip or a folder to the active armature, while Blender stays usable, and change contacts."""
 
 import inspect
 import json
@@ -13,23 +13,23 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
-from .contacts import clip_frame, entries_of, listed, put, state_of, take_markers
-from .job import ENDINGS, FailedError, Job, target_of, there
+from .contacts import changing_contacts, clip_frame, entries_of, put, state_of, take_markers
+from .job import ENDINGS, FailedError, Job, objects_of, target_of
 from .rig import skeleton
 
-LOOKS = 0.05  # a process is looked at so often [s]
+INTERVAL = 0.05  # between two looks at the progress of a process [s]
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}
 JSON = {"filter_glob": StringProperty(default="*.json", options=HIDDEN)}
 CLASSES = []
 
 
-class Told:
-    """An operator that does what its `do` says, and reports what is wrong in one line."""
+class Reporting:
+    """An operator that calls its `do`, and reports an error in one line."""
 
     def execute(self, context):
         try:
             for _ in self.do(context) or ():
-                time.sleep(LOOKS)
+                time.sleep(INTERVAL)
         except FailedError as error:
             return self.stopped("ERROR", str(error))
         return {"FINISHED"}
@@ -39,14 +39,14 @@ class Told:
         return {"CANCELLED"}
 
 
-class Running(Told):
-    """An operator whose work goes on while Blender is used; Esc cancels it. Its `do` yields how far it is, in words."""
+class Running(Reporting):
+    """A modal operator, during which Blender stays usable and Esc cancels; its `do` yields its progress as text."""
 
     def execute(self, context):
         if bpy.app.background:
             return super().execute(context)
         self.steps, manager = self.do(context), context.window_manager
-        self.timer = manager.event_timer_add(LOOKS, window=context.window)
+        self.timer = manager.event_timer_add(INTERVAL, window=context.window)
         manager.modal_handler_add(self)
         return {"RUNNING_MODAL"}
 
@@ -72,10 +72,10 @@ class Running(Told):
 
 
 def operator(label: str, *bases: type, **properties: Any) -> Callable:
-    """A decorator that makes an operator of its `do`: `distretarget.NAME`, whose docstring is what Blender shows."""
+    """A decorator that makes an operator, `distretarget.NAME`, of a function, whose docstring becomes the tooltip."""
 
     def made(do: Callable) -> type:
-        kind = Running if inspect.isgeneratorfunction(do) else Told
+        kind = Running if inspect.isgeneratorfunction(do) else Reporting
         members = {"bl_idname": f"distretarget.{do.__name__}", "bl_label": label, "bl_options": {"REGISTER", "UNDO"}}
         members |= {"do": do, "__doc__": do.__doc__, "__annotations__": properties, "filename_ext": ".json"}
         CLASSES.append(type(f"DISTRETARGET_OT_{do.__name__}", (*bases, kind, bpy.types.Operator), members))
@@ -85,7 +85,7 @@ def operator(label: str, *bases: type, **properties: Any) -> Callable:
 
 
 class AsksForClip:
-    """Asks for a clip where none is chosen."""
+    """Opens a file dialog if no clip is chosen."""
 
     def invoke(self, context, _event):
         settings = context.scene.distretarget
@@ -102,7 +102,7 @@ class AsksForClip:
     filter_glob=StringProperty(default=";".join(f"*{each}" for each in ENDINGS), options=HIDDEN),
 )
 def retarget(self, context):
-    """Retarget the clip onto the active armature, as a new action; where none is chosen, choose a file"""
+    """Retarget the clip to the active armature, as a new action; asks for a file if none is chosen"""
     settings = context.scene.distretarget
     if self.filepath:
         settings.clip = self.filepath
@@ -112,30 +112,30 @@ def retarget(self, context):
     clip = settings.performer or Path(bpy.path.abspath(settings.clip))
     job = Job((context.scene.name, target_of(context).name), clip)
     yield from job.done()
-    _, told = job.apply()
-    _show(job, told)
-    self.report({"INFO"}, told["verdict"])
+    _, answer = job.apply()
+    _show(job, answer)
+    self.report({"INFO"}, answer["verdict"])
 
 
-def _show(job: Job, told: dict[str, Any]) -> None:
-    """Let the panel show how it went: verdict, warnings, contacts and pairs."""
-    scene, armature = there(job.names)
+def _show(job: Job, answer: dict[str, Any]) -> None:
+    """Show verdict, warnings, contacts and pairs in the panel."""
+    scene, armature = objects_of(job.names)
     settings, pairs = scene.distretarget, armature.distretarget_pairs
-    settings.verdict, (settings.frames, settings.frame_time) = told["verdict"], told["clip"]
-    settings.step = told["clip"][1] * told["rate"]
+    settings.verdict, (settings.frames, settings.frame_time) = answer["verdict"], answer["clip"]
+    settings.step = answer["clip"][1] * answer["rate"]
     settings.warnings.clear()
-    for text, frame in told["warnings"]:
+    for text, frame in answer["warnings"]:
         line = settings.warnings.add()
         line.name, line.frame = text, -1 if frame is None else round(job.start + frame * settings.step)
     settings.joints.clear()
-    for name in told["joints"]:
+    for name in answer["joints"]:
         settings.joints.add().name = name
-    with listed(scene):
+    with changing_contacts(scene):
         changed = [entry for entry in entries_of(scene, job.key) if state_of(entry) != "FOUND"]
-        put(scene, job.key, changed, told["contacts"])
+        put(scene, job.key, changed, answer["contacts"])
     chosen = {pair.name: pair.source for pair in pairs if pair.is_chosen}
     pairs.clear()
-    for name, source in told["pairs"]:
+    for name, source in answer["pairs"]:
         pair = pairs.add()
         pair.name, pair.source = name, chosen.get(name, source)
         pair.is_chosen = name in chosen
@@ -145,8 +145,8 @@ def _show(job: Job, told: dict[str, Any]) -> None:
 
 @operator("Retarget a folder")
 def retarget_folder(self, context):
-    """Retarget all clips of the folder onto the active armature, an action each"""
-    settings, names, faults = context.scene.distretarget, (context.scene.name, target_of(context).name), []
+    """Retarget all clips of the folder to the active armature, as an action each"""
+    settings, names, errors = context.scene.distretarget, (context.scene.name, target_of(context).name), []
     folder = Path(bpy.path.abspath(settings.folder)) if settings.folder else None
     if folder is None or not folder.is_dir():
         raise FailedError("choose a folder of clips")
@@ -155,18 +155,18 @@ def retarget_folder(self, context):
         try:
             job = Job(names, clip)
             yield from (f"{clip.name}, {number + 1} of {len(clips)}. {text}" for text in job.done())
-            _keep(job.apply()[0], *there(names))
+            _keep(job.apply()[0], *objects_of(names))
         except FailedError as error:
-            faults.append(str(error))
-    if len(faults) == len(clips):
-        raise FailedError("; ".join(faults) or f"{folder} has no clips: {', '.join(ENDINGS)}")
-    verdict = "; ".join([f"{len(clips) - len(faults)} of {len(clips)} clips retargeted", *faults])
-    there(names)[0].distretarget.verdict = verdict
-    self.report({"WARNING" if faults else "INFO"}, verdict)
+            errors.append(str(error))
+    if len(errors) == len(clips):
+        raise FailedError("; ".join(errors) or f"{folder} has no clips: {', '.join(ENDINGS)}")
+    verdict = "; ".join([f"{len(clips) - len(errors)} of {len(clips)} clips retargeted", *errors])
+    objects_of(names)[0].distretarget.verdict = verdict
+    self.report({"WARNING" if errors else "INFO"}, verdict)
 
 
 def _keep(action: bpy.types.Action, scene: bpy.types.Scene, armature: bpy.types.Object) -> None:
-    """Keep an action of a folder as an asset, and as an NLA track, where that is asked for."""
+    """Keep an action, and as the settings say mark it as an asset and make an NLA track of it."""
     action.use_fake_user = True
     if scene.distretarget.as_assets:
         action.asset_mark()
@@ -179,7 +179,7 @@ def _keep(action: bpy.types.Action, scene: bpy.types.Scene, armature: bpy.types.
 
 @operator("Find all anew")
 def forget_pairs(_self, context):
-    """Find all pairs of joints anew when it is retargeted again"""
+    """Discard the chosen pairs of joints; retargeting finds all of them again"""
     target_of(context).distretarget_pairs.clear()
 
 
@@ -190,7 +190,7 @@ def forget_pairs(_self, context):
     ),
 )
 def contact_make(self, context):
-    """Bring the two selected bones together, or hold the one where it is: in the preview range, or in this frame"""
+    """Bring two selected bones together, or hold a single one in place: in the preview range, or in this frame"""
     scene, settings = context.scene, context.scene.distretarget
     parts = [each.strip() for each in self.parts.split(",") if each.strip()] or _selected(context)
     if not settings.step:
@@ -200,31 +200,31 @@ def contact_make(self, context):
     span = (scene.frame_current, scene.frame_current)
     if scene.use_preview_range:
         span = (scene.frame_preview_start, scene.frame_preview_end)
-    what = {"between": parts, "gap": 0.0} if len(parts) > 1 else {"plant": parts[0], "on": "where it is"}
-    new = what | {"frames": [clip_frame(settings, frame) for frame in span]}
-    with listed(scene):
-        put(scene, settings.clip_key, [new], entries_of(scene, settings.clip_key))
+    entry = {"between": parts, "gap": 0.0} if len(parts) > 1 else {"plant": parts[0], "on": "where it is"}
+    entry |= {"frames": [clip_frame(settings, frame) for frame in span]}
+    with changing_contacts(scene):
+        put(scene, settings.clip_key, [entry], entries_of(scene, settings.clip_key))
     rows = [(row.clip, json.loads(row.entry)) for row in settings.contacts]
-    settings.contact = rows.index((settings.clip_key, new))
+    settings.contact = rows.index((settings.clip_key, entry))
 
 
 def _selected(context: bpy.types.Context) -> list[str]:
-    """The joints of the selected bones; for a control, the joint that is nearest."""
+    """The joints of the selected bones; for a control, the nearest joint."""
     armature = target_of(context)
     bones, found = armature.data.bones, {}
     joints = [name for name in skeleton(armature) if name in bones]
     for bone in context.selected_pose_bones or []:
         if bone.id_data == armature:
-            place = bone.bone.head_local
-            own = [bone.name] if bone.name in joints else joints
-            found[min(own, key=lambda name: (bones[name].head_local - place).length)] = None
+            head = bone.bone.head_local
+            choice = [bone.name] if bone.name in joints else joints
+            found[min(choice, key=lambda name: (bones[name].head_local - head).length)] = None
     return [*found]
 
 
 @operator("Remove the contact")
 def contact_remove(_self, context):
-    """Take the contact out of the list; what is found in the clip comes back when it is retargeted"""
-    with listed(context.scene) as settings:
+    """Remove the contact from the list; one that is found in the clip comes back when it is retargeted"""
+    with changing_contacts(context.scene) as settings:
         if not 0 <= settings.contact < len(settings.contacts):
             raise FailedError("choose a contact in the list")
         settings.contacts.remove(settings.contact)
@@ -233,23 +233,23 @@ def contact_remove(_self, context):
 
 @operator("Import contacts", ImportHelper, **JSON)
 def contacts_import(self, context):
-    """Add the contacts of a contact file, as the command line takes it"""
+    """Add the contacts of a contact file, such as the command line writes"""
     from distretarget import DistretargetError, contacts_to_json, load_contacts
 
     try:
         entries = json.loads(contacts_to_json(load_contacts(self.filepath)))["contacts"]
     except DistretargetError as error:
         raise FailedError(str(error)) from None
-    with listed(context.scene) as settings:
+    with changing_contacts(context.scene) as settings:
         put(context.scene, settings.clip_key, entries, entries_of(context.scene, settings.clip_key))
 
 
 @operator("Export contacts", ExportHelper, **JSON)
 def contacts_export(self, context):
-    """Write the contacts to a contact file, which the command line takes"""
+    """Write the contacts to a contact file, for use with the command line"""
     from distretarget.io.contacts_file import HEADER, contacts_to_json, parse_contacts
 
-    with listed(context.scene) as settings:
+    with changing_contacts(context.scene) as settings:
         entries = entries_of(context.scene, settings.clip_key)
     text = contacts_to_json(parse_contacts(json.dumps(HEADER | {"contacts": entries}), "Contacts"))
     try:

@@ -38,21 +38,21 @@ class DISTRETARGET_PT_panel(InSidebar, bpy.types.Panel):
 
 
 def _section(name, label, draw, **members):
-    """A panel below that of the extension, which `draw` draws."""
+    """A subpanel of the extension's panel, which `draw` draws."""
     members |= {"bl_label": label, "bl_parent_id": "DISTRETARGET_PT_panel"}
     members["draw"] = lambda self, context: draw(self.layout, context.scene.distretarget, chosen_armature(context))
     return type(f"DISTRETARGET_PT_{name}", (InSidebar, bpy.types.Panel), members)
 
 
 def _wrap(layout, text, letters, first, rest):
-    """Lines of text, with an icon on the first, and another on all others."""
+    """Draw text in lines, with one icon on the first line and another on the rest."""
     column = layout.column(align=True)
     for number, line in enumerate(textwrap.wrap(text, letters)):
         column.label(text=line, icon=rest if number else first)
 
 
 def _go_to(layout, frame, **looks):
-    """A button that goes to a frame of the scene."""
+    """Draw a button that goes to a frame of the scene."""
     button = layout.operator("wm.context_set_int", **looks)
     button.data_path, button.value = "scene.frame_current", frame
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""An armature: the joints that its meshes need, its meshes at rest, its motion, and what else moves its bones."""
+"""Read an armature: the joints that its meshes need, the meshes at rest, the motion, and what else moves its bones."""
 
 import itertools
 import math
@@ -9,8 +9,8 @@ from typing import Any
 import bpy
 import numpy as np
 
-SAME = 1e-4  # largest difference between the rest matrices of bones that coincide, with a body of size 1
-MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones whose drivers move them
+SAME = 1e-4  # tolerance for rest matrices of bones that coincide, for a body of size 1
+MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones; drivers on them move the bone
 Joints = dict[str, str | None]
 Arrays = dict[str, Any]
 
@@ -24,9 +24,9 @@ def skinned_meshes(armature: bpy.types.Object) -> list[bpy.types.Object]:
 def skeleton(armature: bpy.types.Object) -> Joints:
     """The joints that meshes need, each with its parent, parents first.
 
-    These are the bones that deform or carry a mesh, the bones at which their lines meet, and the bones above them all.
-    A bone of a control rig counts as the deforming bone in the same place: in a Rigify rig, DEF-thigh.L hangs from
-    ORG-spine, and so from DEF-spine. Bones without a common root hang from the armature, a joint with its name.
+    These are the bones that deform or carry a mesh, the bones at which their chains branch, and their common ancestors.
+    A bone of a control rig counts as the deforming bone that coincides with it: in a Rigify rig, the parent of
+    DEF-thigh.L is ORG-spine, so here DEF-spine. Without a common root, the armature is the root, a joint of its name.
     """
     needed = _needed_bones(armature)
     parents = _parents(armature, needed)
@@ -34,65 +34,65 @@ def skeleton(armature: bpy.types.Object) -> Joints:
     children: dict[str | None, set[str | None]] = {}
     for child, parent in itertools.chain.from_iterable(map(itertools.pairwise, lines)):
         children.setdefault(parent, set()).add(child)
-    meeting = {parent for parent, below in children.items() if len(below) > 1}
-    above = set.intersection(*map(set, lines)) - {None}
-    kept = [bone.name for bone in armature.data.bones if bone.name in {*needed, *meeting, *above}]
-    top = armature.name if None in meeting else None
-    joints: Joints = {} if top is None else {top: None}
-    for name in sorted(kept, key=lambda name: len(list(_line(name, parents)))):
+    branching = {parent for parent, below in children.items() if len(below) > 1}
+    common = set.intersection(*map(set, lines)) - {None}
+    names = [bone.name for bone in armature.data.bones if bone.name in {*needed, *branching, *common}]
+    root = armature.name if None in branching else None
+    joints: Joints = {} if root is None else {root: None}
+    for name in sorted(names, key=lambda name: len(list(_line(name, parents)))):
         line = itertools.islice(_line(name, parents), 1, None)
-        joints[name] = next((each for each in line if each in kept), top)
+        joints[name] = next((each for each in line if each in names), root)
     return joints
 
 
 def _needed_bones(armature: bpy.types.Object) -> dict[str, None]:
-    """The bones that carry or deform meshes; not those that have no weights and only steer other bones."""
+    """The bones that carry or deform meshes, without targets of constraints that have no weights; all if none does."""
     bones, meshes = armature.data.bones, skinned_meshes(armature)
     weighted = {group.name for mesh in meshes for group in mesh.vertex_groups}
     carrying = {each.parent_bone for each in armature.children if each.parent_type == "BONE" and each.type == "MESH"}
-    steering = {
+    targets = {
         name
         for bone in armature.pose.bones
         for constraint in bone.constraints
         for name in (getattr(constraint, "subtarget", ""), getattr(constraint, "pole_subtarget", ""))
     }
-    needed = {bone.name for bone in bones if bone.use_deform} - (steering - weighted if meshes else set()) | carrying
+    needed = {bone.name for bone in bones if bone.use_deform} - (targets - weighted if meshes else set()) | carrying
     return dict.fromkeys(bone.name for bone in bones if bone.name in needed or not needed)
 
 
 def _parents(armature: bpy.types.Object, needed: Collection[str]) -> Joints:
-    """The parent of each bone, replaced by a needed bone in the same place where it is not needed itself."""
+    """The parent of each bone; a parent that is not needed is replaced by a needed bone that coincides with it."""
     bones = armature.data.bones
     parents: Joints = {bone.name: bone.parent.name if bone.parent else None for bone in bones}
     rests = {bone.name: np.array(bone.matrix_local) for bone in bones}
-    places = np.array([rests[name] for name in needed])
+    matrices = np.array([rests[name] for name in needed])
     size = np.ones((4, 4))
-    size[:3, 3] = np.ptp(places[:, :3, 3], axis=0).max() or 1.0
+    size[:3, 3] = np.ptp(matrices[:, :3, 3], axis=0).max() or 1.0
     for name, parent in parents.items():
         if parent is not None and parent not in needed:
-            same = (abs(places - rests[parent]) < SAME * size).all(axis=(1, 2))
-            alike = (each for each in itertools.compress(needed, same) if name not in _line(each, parents))
-            parents[name] = next(alike, parent)
+            same = (abs(matrices - rests[parent]) < SAME * size).all(axis=(1, 2))
+            coinciding = (each for each in itertools.compress(needed, same) if name not in _line(each, parents))
+            parents[name] = next(coinciding, parent)
     return parents
 
 
 def _line(name: str | None, parents: Joints) -> Iterator[str]:
-    """A bone and the bones above it."""
+    """Yield a bone and its ancestors."""
     while name is not None:
         yield name
         name = parents[name]
 
 
 def moved_bones(armature: bpy.types.Object, joints: Collection[str]) -> list[bpy.types.PoseBone]:
-    """The bones of joints and the bones above them, parents first."""
+    """The bones of joints and their ancestors, parents first."""
     bones = [armature.pose.bones[name] for name in joints if name in armature.pose.bones]
     names = {each.name for bone in bones for each in (bone, *bone.parent_recursive)}
     return [bone for bone in armature.pose.bones if bone.name in names]
 
 
-def others_on(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple[str, Any]]:
-    """What moves the bones of joints beside an action and is not muted: constraints and drivers, each with the name of
-    its bone, and NLA tracks, which move all bones, with their own.
+def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple[str, Any]]:
+    """What moves the bones of joints besides an action, if not muted: constraints and drivers with the name of their
+    bone, and NLA tracks, which move all bones, with their own name.
     """
     moved, data, found = moved_bones(armature, joints), armature.animation_data, []
     names = {bone.name for bone in moved}
@@ -109,10 +109,10 @@ def others_on(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple
 
 
 def shape_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that meshes need, and the vertices that move with them, in the rest pose.
+    """Return the joints that meshes need, and the meshes, in the rest pose.
 
-    `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices` (vertices, 3), `triangles` (triangles, 3), and of
-    each influence `moved` (its vertex, in ascending order), `movers` (its joint) and `weights`, (influences,).
+    `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices`, (vertices, 3), `triangles`, (triangles, 3); and
+    of each influence its vertex in `influenced`, ascending, its joint in `influencing`, and `weights`, (influences,).
     """
     joints, world, bones = skeleton(armature), armature.matrix_world, armature.data.bones
     number: dict[str | None, int] = {name: index for index, name in enumerate(joints)} | {None: -1}
@@ -124,8 +124,8 @@ def shape_of(armature: bpy.types.Object) -> Arrays:
     for mesh in skinned_meshes(armature):
         data = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get()).data  # with its modifiers
         data.calc_loop_triangles()
-        matrix, places = np.array(mesh.matrix_world), _read(data.vertices, "co")
-        vertices.append(places @ matrix[:3, :3].T + matrix[:3, 3])
+        matrix, positions = np.array(mesh.matrix_world), _read(data.vertices, "co")
+        vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
         triangles.append(first + _read(data.loop_triangles, "vertices").astype(int))
         groups = {group.index: number[group.name] for group in mesh.vertex_groups if group.name in number}
         influences += [
@@ -134,46 +134,48 @@ def shape_of(armature: bpy.types.Object) -> Arrays:
             for each in vertex.groups
             if each.group in groups and each.weight > 0.0
         ]
-        first += len(places)
+        first += len(positions)
     armature.data.pose_position = before
-    moved, movers, weights = np.array(influences).reshape(-1, 3).T
+    influenced, influencing, weights = np.array(influences).reshape(-1, 3).T
     arrays |= {"vertices": np.concatenate(vertices), "triangles": np.concatenate(triangles), "weights": weights}
-    return arrays | {"moved": moved.astype(int), "movers": movers.astype(int)}
+    return arrays | {"influenced": influenced.astype(int), "influencing": influencing.astype(int)}
 
 
 def _read(items: bpy.types.bpy_prop_collection, name: str) -> np.ndarray:
-    """A property with three numbers of each item, (items, 3)."""
+    """A property of all items that has three numbers, (items, 3)."""
     values = np.empty(3 * len(items))
     items.foreach_get(name, values)
     return values.reshape(-1, 3)
 
 
 def title_of(armature: bpy.types.Object) -> str:
-    """The name of its action, or its own where it has none, as with NLA tracks."""
+    """The name of an armature's action, or its own if it has none, as with NLA tracks."""
     return (_action_of(armature) or armature).name
 
 
 def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
-    """Return the joints of an armature in each frame of its action, or of the scene where it has none.
+    """Return the joints of an armature in each frame of its action, or without one of the scene.
 
-    `places`, (frames, joints, 3), and `turns` from the rest pose, (frames, joints, 4), x y z w, are in the world;
-    `frame_time` [s]. Constraints, drivers and NLA tracks count; the scene is at its frame again.
+    `positions`, (frames, joints, 3), and `rotations` from the rest pose, (frames, joints, 4), x y z w, in world space;
+    `frame_time` [s]. Constraints, drivers and NLA tracks are evaluated; the scene's current frame is restored.
     """
     action, now, names = _action_of(armature), scene.frame_current_final, [*skeleton(armature)]
     first, last = action.frame_range if action else (scene.frame_start, scene.frame_end)
     bones, world = armature.data.bones, armature.matrix_world
-    back = [(world @ bones[name].matrix_local if name in bones else world).inverted() for name in names]
-    places, turns = [], []
+    inverse_rests = [(world @ bones[name].matrix_local if name in bones else world).inverted() for name in names]
+    positions, rotations = [], []
     for frame in range(round(first), round(last) + 1):
         scene.frame_set(frame)
         shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
         world, bones = shown.matrix_world, shown.pose.bones
         posed = [world @ bones[name].matrix if name in bones else world for name in names]
-        places.append([[*matrix.translation] for matrix in posed])
-        turns.append([[*(matrix @ start).to_quaternion()] for matrix, start in zip(posed, back, strict=True)])
+        positions.append([[*matrix.translation] for matrix in posed])
+        pairs = zip(posed, inverse_rests, strict=True)
+        rotations.append([[*(matrix @ inverse).to_quaternion()] for matrix, inverse in pairs])
     scene.frame_set(math.floor(now), subframe=now % 1.0)
     frame_time = scene.render.fps_base / scene.render.fps
-    return {"places": np.array(places), "turns": np.array(turns)[..., [1, 2, 3, 0]], "frame_time": frame_time}
+    w_x_y_z = np.array(rotations)
+    return {"positions": np.array(positions), "rotations": w_x_y_z[..., [1, 2, 3, 0]], "frame_time": frame_time}
 
 
 def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the panel asks for and shows: of a scene, and of a character the joints that move its bones."""
+"""Properties: the panel's settings and results in a scene, and the pairs of bones and joints of a character."""
 
 from pathlib import PurePath
 
@@ -10,61 +10,61 @@ from .contacts import DISTRETARGET_PG_contact, DISTRETARGET_PG_mark, set_markers
 from .rig import title_of
 
 
-def _is_another(settings, _context):
+def _clip_changed(settings, _context):
     settings.step = 0.0
     set_markers(settings.id_data)
 
 
-def _is_chosen(pair, _context):
+def _pair_chosen(pair, _context):
     pair.is_chosen = True
 
 
 class DISTRETARGET_PG_pair(bpy.types.PropertyGroup):
-    """The joint of the clip that moves a bone, which `name` is."""
+    """The bone called `name`, and the joint of the clip that drives it."""
 
-    source: props.StringProperty(name="Joint", description="The joint of the clip", update=_is_chosen)
-    is_chosen: props.BoolProperty(name="Chosen", description="It was chosen here, and stays so")
+    source: props.StringProperty(name="Joint", description="The joint of the clip", update=_pair_chosen)
+    is_chosen: props.BoolProperty(name="Chosen", description="Chosen by the user, and kept")
 
 
 class DISTRETARGET_PG_warning(bpy.types.PropertyGroup):
-    """A warning, which `name` is."""
+    """A warning, whose text is `name`, and its frame, or -1."""
 
     frame: props.IntProperty(default=-1)
 
 
 class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     clip: props.StringProperty(
-        name="Clip", description="BVH, FBX, GLB, VRMA or npz", subtype="FILE_PATH", update=_is_another
+        name="Clip", description="BVH, FBX, GLB, VRMA or npz", subtype="FILE_PATH", update=_clip_changed
     )
     performer: props.PointerProperty(
         name="Armature",
         description="An armature of the scene whose motion is the clip, in place of a file",
         type=bpy.types.Object,
         poll=lambda settings, each: each.type == "ARMATURE" and each.name in settings.id_data.objects,
-        update=_is_another,
+        update=_clip_changed,
     )
     animation: props.StringProperty(
-        name="Animation", description="Which of several animations of the file", update=_is_another
+        name="Animation", description="The animation of a file that has several", update=_clip_changed
     )
     start: props.IntProperty(name="Start", description="The frame at which the action begins", default=1)
     whole_frames: props.BoolProperty(
-        name="Whole frames", description="A key in each frame of the scene, in place of one for each frame of the clip"
+        name="Whole frames", description="Set a key in each frame of the scene instead of each frame of the clip"
     )
     mirror: props.BoolProperty(name="Mirror", description="Exchange left and right")
-    loop: props.BoolProperty(name="Loop", description="The end leads to the start")
+    loop: props.BoolProperty(name="Loop", description="Blend the motion near its ends so that it repeats smoothly")
     in_place: props.BoolProperty(name="In place", description="Leave out the path along the floor")
     keys: props.EnumProperty(
         name="Keys",
-        description="Which bones get the keys",
+        description="The bones that get keys",
         items=[
-            ("JOINTS", "Bones of the meshes", "Whatever else moves them is muted"),
+            ("JOINTS", "Bones of the meshes", "Constraints, drivers and NLA tracks that move them are muted"),
             ("FK", "Controls, FK", "FK and IK controls, with switches at FK"),
             ("IK", "Controls, IK", "FK and IK controls, with switches at IK"),
         ],
     )
     markers: props.BoolProperty(
         name="Markers",
-        description="Show contacts in the timeline; markers that are moved count when it is retargeted again",
+        description="Show contacts in the timeline; moved markers change the contacts at the next retargeting",
         default=True,
         update=lambda settings, _: set_markers(settings.id_data),
     )
@@ -73,20 +73,20 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     push_down: props.BoolProperty(
         name="Push down", description="Make an NLA track of each action; all but the last are muted"
     )
-    # Of the clip, since it was retargeted last:
+    # Results of the last retargeting:
     verdict: props.StringProperty()
     warnings: props.CollectionProperty(type=DISTRETARGET_PG_warning)
     frames: props.IntProperty()
     frame_time: props.FloatProperty(description="In seconds")
-    step: props.FloatProperty(description="Frames of the scene for one of the clip; 0 until it is retargeted")
-    joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # by their names
+    step: props.FloatProperty(description="Frames of the scene per frame of the clip; 0 before retargeting")
+    joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # of the clip, by name
     contacts: props.CollectionProperty(type=DISTRETARGET_PG_contact)
     marks: props.CollectionProperty(type=DISTRETARGET_PG_mark)
     contact: props.IntProperty(description="The contact that is chosen in the list")
 
     @property
     def clip_key(self) -> str:
-        """The name by which contacts of the clip are kept, also if its folder moves."""
+        """The name under which contacts of the clip are stored, independent of its folder."""
         return title_of(self.performer) if self.performer else clip_key(self.clip, self.animation)
 
 

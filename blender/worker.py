@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Retarget a clip onto a character in a process of its own: worker.py FOLDER.
+"""The process that retargets a clip to a character: worker.py FOLDER.
 
-FOLDER has `job`, a pickled dict that `job.Job` makes. The process writes into `progress` how far it is, and in the end
-`answer`, a pickled dict: an "error"; or "names", (joints,), "matrices", (frames, joints, 4, 4), from the rest pose
-without its places to the world, "frame_time" [s], and what the panel shows. With keys on controls it is Blender that
-runs it, and the answer has what `controls.solve` returns, too.
+FOLDER has `job`, a pickled dict that `job.Job` makes. The process writes its progress to `progress`, and at the end
+`answer`, a pickled dict: an "error"; or "names", (joints,), "matrices", (frames, joints, 4, 4), with world positions
+and rotations from the rest pose, "frame_time" [s], and the data that the panel shows. With keys on controls, Blender
+runs this, and the answer also has the items that `controls.solve` returns.
 """
 
 import json
@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
-RIGID = 1e-5  # a bone whose length and direction change less than this does not slide [of the body]
+RIGID = 1e-5  # translations that change less than this count as constant [of the body]
 
 
 def main(folder: Path) -> None:
-    """Do the job in a folder."""
+    """Carry out the job in a folder."""
     job = pickle.loads((folder / "job").read_bytes())
     sys.path += job["path"]
     from distretarget import DistretargetError
@@ -36,14 +36,14 @@ def main(folder: Path) -> None:
 
 
 class _Progress:
-    """Says in a file how many of some frames are done."""
+    """Writes the share of finished frames to a file."""
 
-    def __init__(self, file: Path, what: str, frames: int) -> None:
-        self.file, self.what, self.frames, self.done = file, what, max(frames, 1), 0
+    def __init__(self, file: Path, title: str, frames: int) -> None:
+        self.file, self.title, self.frames, self.done = file, title, max(frames, 1), 0
 
     def __call__(self, frames: float) -> None:
         self.done += frames
-        self.file.write_text(f"{self.what}: {100 * min(self.done / self.frames, 1.0):.0f} %", "utf-8")
+        self.file.write_text(f"{self.title}: {100 * min(self.done / self.frames, 1.0):.0f} %", "utf-8")
 
 
 def _retargeted(job: dict, progress: Path) -> dict:
@@ -58,39 +58,39 @@ def _retargeted(job: dict, progress: Path) -> dict:
     builds = Builds()
     if job["clip"] is None:
         motion = _motion(job["performer"])
-        with suppress(DistretargetError):  # it has no mesh
+        with suppress(DistretargetError):  # the armature has no mesh
             builds = Builds(source=build_of(_target(job["performer"]), "the armature"))
     else:
         motion = read_motion(job["clip"], clip=job["animation"] or None)
         builds = with_source(builds, load_file(job["clip"]))
     motion, target = Edits(**job["edits"]).of(motion), _target(job["character"])
-    there = {*motion.skeleton.keys}
-    gone = {joint: source for joint, source in job["map"].items() if source is not None and source not in there}
+    keys = {*motion.skeleton.keys}
+    missing = {joint: source for joint, source in job["map"].items() if source is not None and source not in keys}
     result = retarget(
         motion,
         target,
         builds=builds,
-        joint_map={joint: source for joint, source in job["map"].items() if joint not in gone},
+        joint_map={joint: source for joint, source in job["map"].items() if joint not in missing},
         contacts=parse_contacts(json.dumps(HEADER | {"contacts": job["contacts"]}), "Contacts"),
         progress=_Progress(progress, "Retargeting", len(motion)),
     )
-    moved = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
+    written = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
     if job["frame_time"]:
-        moved = moved.resampled(repr(job["frame_time"]))
-    matrices = np.tile(np.eye(4), (*moved.positions.shape[:2], 1, 1))
-    matrices[..., :3, :3] = Rotation.from_quat(moved.world_rotations).as_matrix()
-    matrices[..., :3, 3] = moved.positions
+        written = written.resampled(repr(job["frame_time"]))
+    matrices = np.tile(np.eye(4), (*written.positions.shape[:2], 1, 1))
+    matrices[..., :3, :3] = Rotation.from_quat(written.world_rotations).as_matrix()
+    matrices[..., :3, 3] = written.positions
     numbers = {text: re.search(r"\bframe (\d+)", text) for text in result.warnings}
     names, sources = result.matching.target.skeleton.keys, result.matching.source.skeleton
     drivers = [sources.keys[one] if one >= 0 else "" for one in result.matching.drivers]
     return {
-        "names": moved.skeleton.names,
+        "names": written.skeleton.names,
         "matrices": matrices,
-        "frame_time": moved.frame_time,
+        "frame_time": written.frame_time,
         "verdict": result.verdict,
         "warnings": [
             *((text, int(number[1]) if number else None) for text, number in numbers.items()),
-            *((f"this clip has no joint {gone[joint]!r}, which was chosen for {joint!r}", None) for joint in gone),
+            *((f"this clip has no joint {missing[each]!r}, which was chosen for {each!r}", None) for each in missing),
         ],
         "contacts": json.loads(contacts_to_json(contacts_of(result.baseline)))["contacts"],
         "pairs": [*zip(names, drivers, strict=True)],
@@ -100,7 +100,7 @@ def _retargeted(job: dict, progress: Path) -> dict:
 
 
 def _on_controls(job: dict, answer: dict, folder: Path) -> dict:
-    """What `controls.solve` returns for the armature in `character.blend`."""
+    """The result of `controls.solve` for the armature in `character.blend`."""
     import bpy
 
     extension = sys.modules["extension"] = types.ModuleType("extension")
@@ -133,20 +133,20 @@ def _skeleton(arrays: dict[str, np.ndarray]):
 
 
 def _motion(arrays: dict[str, np.ndarray]):
-    """The motion of an armature, whose bones may slide."""
+    """The motion of an armature, whose bones may have changing translations."""
     from scipy.spatial.transform import Rotation
 
     from distretarget import Motion
     from distretarget.numerics.kinematics import make_local
 
-    skeleton, turns, places = _skeleton(arrays), arrays["turns"], arrays["places"]
-    above = np.maximum(skeleton.parents, 0)
-    moved = Rotation.from_quat(turns[:, above]).inv().apply(places - places[:, above])
-    rigid = np.abs(moved - skeleton.offsets).max(axis=(0, 2)) < RIGID * np.ptp(arrays["heads"])
-    moved = np.where(rigid[:, None], skeleton.offsets, moved)
-    moved[:, 0] = places[:, 0]
-    make_local(skeleton.parents, turns)
-    return Motion.of_translations(skeleton, moved, turns, repr(arrays["frame_time"]))
+    skeleton, rotations, positions = _skeleton(arrays), arrays["rotations"], arrays["positions"]
+    parents = np.maximum(skeleton.parents, 0)
+    translations = Rotation.from_quat(rotations[:, parents]).inv().apply(positions - positions[:, parents])
+    rigid = np.abs(translations - skeleton.offsets).max(axis=(0, 2)) < RIGID * np.ptp(arrays["heads"])
+    translations = np.where(rigid[:, None], skeleton.offsets, translations)
+    translations[:, 0] = positions[:, 0]
+    make_local(skeleton.parents, rotations)
+    return Motion.of_translations(skeleton, translations, rotations, repr(arrays["frame_time"]))
 
 
 def _target(arrays: dict[str, np.ndarray]):
@@ -154,15 +154,15 @@ def _target(arrays: dict[str, np.ndarray]):
     from distretarget import Target
     from distretarget.skin.mesh import SkinnedMesh
 
-    skeleton, moved = _skeleton(arrays), arrays["moved"]
-    if not len(moved):
+    skeleton, influenced = _skeleton(arrays), arrays["influenced"]
+    if not len(influenced):
         return Target(skeleton, {}, "")
-    rank = np.arange(len(moved)) - np.searchsorted(moved, moved)
+    rank = np.arange(len(influenced)) - np.searchsorted(influenced, influenced)
     weights = np.zeros((len(arrays["vertices"]), rank.max() + 1))
     joints = np.zeros(weights.shape, int)
-    joints[moved, rank], weights[moved, rank] = arrays["movers"], arrays["weights"]
+    joints[influenced, rank], weights[influenced, rank] = arrays["influencing"], arrays["weights"]
     bound = weights.sum(axis=1) > 0.0
-    weights[~bound, 0] = 1.0  # what no bone moves stays with the root
+    weights[~bound, 0] = 1.0  # vertices without a bone move with the root
     weights /= weights.sum(axis=1, keepdims=True)
     triangles = arrays["triangles"][bound[arrays["triangles"]].all(axis=1)]
     mesh = SkinnedMesh(arrays["vertices"] - arrays["heads"][0], joints, weights, triangles)

@@ -130,13 +130,13 @@ def test_bones_and_skin_are_where_the_result_has_them_and_nothing_is_lost():
     assert np.allclose(armature.animation_data.action.frame_range, [11, 10 + len(frames)], atol=0.01)
     assert {"before", "clap"} <= {*bpy.data.actions.keys()}
     shape = rig.shape_of(armature)
-    moved, movers, weights = (shape[each] for each in ("moved", "movers", "weights"))
-    total = np.bincount(moved, weights)
-    arms = np.insert(shape["vertices"][moved] - shape["heads"][movers], 3, 1.0, axis=1)
+    influenced, influencing, weights = (shape[each] for each in ("influenced", "influencing", "weights"))
+    total = np.bincount(influenced, weights)
+    arms = np.insert(shape["vertices"][influenced] - shape["heads"][influencing], 3, 1.0, axis=1)
     for frame in range(0, len(frames), 10):
         (mesh,), shall = rig.skinned_meshes(armature), np.zeros((len(total), 3))
-        places = np.einsum("nij,nj->ni", frames[frame][movers, :3], arms)
-        np.add.at(shall, moved, (weights / total[moved])[:, None] * places)
+        places = np.einsum("nij,nj->ni", frames[frame][influencing, :3], arms)
+        np.add.at(shall, influenced, (weights / total[influenced])[:, None] * places)
         there = shown(mesh, frame)
         assert np.abs([there.matrix_world @ vertex.co for vertex in there.data.vertices] - shall).max() < NEAR
     verdicts = settings().verdict, retarget(read_bvh(CLAP), load_target(HERO)).verdict

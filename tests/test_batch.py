@@ -10,7 +10,7 @@ from program import last_records
 from distretarget.batch import batch as batch_module
 from distretarget.batch.batch import Batch
 from distretarget.batch.job import Result, target_of_job
-from distretarget.batch.pages import MARK, OF, Pages
+from distretarget.batch.pages import MARK, OUTPUT_MARK, Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Database, Results
 from distretarget.batch.summary import Tally
@@ -350,7 +350,7 @@ def test_the_worst_clips_get_reports(folder, reports, names):
     texts = {name: made[next(path for path in made if path.endswith(f"{name}.html"))] for name in names}
     assert len(made) == len(texts)
     for name, text in texts.items():
-        assert text.startswith(MARK + OF[:20])
+        assert text.startswith(MARK + OUTPUT_MARK[:20])
         assert text.endswith(f" report on {name}.bvh")
 
 

@@ -15,11 +15,11 @@ def moved_by(place, turn=STILL, scale=(1.0, 1.0, 1.0)):
     return [*place, *turn, *scale]
 
 
-def parts(transforms, pivots=None, idle=None, parents=(-1, 0)):
+def parts(transforms, pivots=None, unapplied=None, parents=(-1, 0)):
     read = {
         "parents": np.array(parents),
         "pivots": np.zeros((2, 3)) if pivots is None else np.array(pivots),
-        "idle": np.zeros((2, 2, 3)) if idle is None else np.array(idle),
+        "unapplied": np.zeros((2, 2, 3)) if unapplied is None else np.array(unapplied),
     }
     return _parts("a.fbx", read, np.array(transforms, float), np.arange(2))
 
@@ -51,7 +51,7 @@ def test_of_several_bind_poses_the_first_counts():
     nodes = Nodes(("Hips", "Knee"), np.array([-1, 0]), np.zeros((2, 3)), np.tile(STILL, (2, 1)), np.ones((2, 3)))
     nothing = np.zeros(0, np.intp)
     read = {"counts": nothing, "joints": nothing, "binds": np.zeros((0, 4, 4)), "pivots": np.zeros((2, 3))}
-    read |= {"posed": np.array([0, 1, 0]), "poses": poses, "are_bones": np.array([True, True])}
+    read |= {"posed": np.array([0, 1, 0]), "poses": poses, "is_bone": np.array([True, True])}
     (skin,) = _skins(nodes, read)
     assert skin.joints.tolist() == [0, 1]
     np.testing.assert_allclose(skin.inverse_binds[:, 1, 3], [-1.0, -2.0])
@@ -74,7 +74,7 @@ def test_rotations_that_fbx_does_not_apply_are_taken_away_before_and_after():
     applied = turns[0] * turns[1] * turns[2].inv()
     _, rotations, _ = parts(
         [moved_by([0.0, 0.0, 0.0], applied.as_quat()), moved_by([0.0, 0.0, 0.0], QUARTER)],
-        idle=[[before, after], np.zeros((2, 3))],
+        unapplied=[[before, after], np.zeros((2, 3))],
     )
     np.testing.assert_allclose(Rotation.from_quat(rotations[0]).as_matrix(), turns[1].as_matrix(), atol=1e-12)
     np.testing.assert_allclose(rotations[1], QUARTER)

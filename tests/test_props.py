@@ -23,7 +23,7 @@ from distretarget import (
     retarget_scene,
 )
 from distretarget.io.bvh import parse_bvh
-from distretarget.io.obj import MOST_POINTS, parse_obj, still_points
+from distretarget.io.obj import MOST_POINTS, parse_obj, static_prop
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact_terms import DIRECTION_RANGE, TOUCH
 from distretarget.scene.contacts import NEAREST, ContactPoints, find_prop_contacts
@@ -229,7 +229,7 @@ CUBE = "".join(f"v {x} {y} {z}\n" for x in (0, 1) for y in (1, 2) for z in (-1, 
 
 
 def test_a_prop_has_the_points_of_its_file():
-    motion = still_points(parse_obj(f"# a cube\r\n{CUBE}vn 0 1 0\n", "cube.obj")[0], "cube")
+    motion = static_prop(parse_obj(f"# a cube\r\n{CUBE}vn 0 1 0\n", "cube.obj")[0], "cube")
     assert motion.skeleton.names[0] == "cube"
     points = motion.positions[0]
     expected = [[x, y, z] for x in (0, 1) for y in (1, 2) for z in (-1, 0)]
@@ -238,13 +238,13 @@ def test_a_prop_has_the_points_of_its_file():
 
 
 def test_a_prop_survives_a_bvh_file():
-    motion = still_points(parse_obj(CUBE, "cube.obj")[0], "cube")
+    motion = static_prop(parse_obj(CUBE, "cube.obj")[0], "cube")
     back = parse_bvh(format_bvh(motion), "cube.bvh")
     np.testing.assert_allclose(sorted(back.positions[0].tolist()), sorted(motion.positions[0].tolist()), atol=1e-6)
 
 
 def test_many_points_are_thinned():
-    line = still_points(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 1001), "line")
+    line = static_prop(np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 1001), "line")
     kept = np.sort(line.positions[0, :, 0])
     assert len(kept) == MOST_POINTS
     assert np.diff(kept).max() < 3.0 / MOST_POINTS
@@ -347,7 +347,7 @@ def drums():
     (source,), _ = load_scene(SAMPLES / "scenes" / "drum_on_table" / "scene.json").read()
     low, high = np.array([-48.0, 52.0, 18.0]), np.array([48.0, 92.0, 60.0])
     corners = low + (high - low) * (CORNERS > 0)
-    motion = still_points(corners, "block")
+    motion = static_prop(corners, "block")
     surface = PropSurface.of_mesh(corners - motion.positions[0, 0], outwards(CORNERS, TRIANGLES))
     prop = Prop(name="block", motion=motion, surface=surface)
     body = source.rigid_skeleton

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import Prop, retarget_scene
 from distretarget.body.build import Build, Builds, average_build
-from distretarget.io.obj import still_points
+from distretarget.io.obj import static_prop
 from distretarget.measure.gaps import measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_touches import FARTHEST
@@ -174,7 +174,7 @@ def test_a_wall_that_leaves_an_arm_no_room_makes_it_no_worse(thickness, wall_fro
     faces = corners[triangles]
     inwards = (np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0]) * hull.equations[:, :3]).sum(axis=1) < 0
     triangles = np.where(inwards[:, None], triangles[:, ::-1], triangles)
-    wall = still_points(np.array(corners, float), "wall")
+    wall = static_prop(np.array(corners, float), "wall")
     prop = Prop(name="wall", motion=wall, surface=PropSurface.of_mesh(corners - wall.positions[0, 0], triangles))
     fatter = Build({part: ends * [1.0, 1.0, 1.0, thickness] for part, ends in FAT.parts.items()})
     thick = solved([motion], [prop], builds=[Builds(target=fatter)])

@@ -14,7 +14,7 @@ from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, assert_same, full, loa
 from table_one import table_one
 
 from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
-from distretarget.io.skeleton_json import joints_meant, skeleton_to_json
+from distretarget.io.skeleton_json import matching_joints, skeleton_to_json
 from distretarget.io.target_file import load_target, parse_full_target
 from distretarget.skeleton import ALL_CHANNELS, DEFAULT_ROOT, DEFAULT_ROTATIONS, SMALLEST, Skeleton
 from distretarget.target import SkeletonEdit
@@ -251,7 +251,7 @@ def meant_by(reference, names, parents):
     known = {}
     for joint, name in enumerate(names[: len(parents)]):
         known.setdefault(name, []).append(joint)
-    return joints_meant(reference, names, parents, known)
+    return matching_joints(reference, names, parents, known)
 
 
 def test_the_key_of_a_joint_means_it_alone():

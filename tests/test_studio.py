@@ -32,17 +32,17 @@ from distretarget.io.map_json import rest_pose_in
 from distretarget.io.motion_file import parse_motion, read_motion
 from distretarget.io.target_file import animations_in, load_target
 from distretarget.report.actors import without_known
-from distretarget.studio.bench import Bench, OvertakenError
 from distretarget.studio.order import Order
 from distretarget.studio.server import SAMPLES as OFFERED
+from distretarget.studio.session import Session, SupersededError
 
 WAVE = SAMPLES / "wave.bvh"
 TOKEN = "secret"
 PLAIN = "distretarget clap.bvh hero.glb -o clap_hero.glb"
 
 
-class Dropped(Bench):
-    """A bench with a clip and a character on it."""
+class Dropped(Session):
+    """A session with a clip and a character."""
 
     def __init__(self, clip=WAVE, character=HERO, names=("", "")):
         super().__init__()
@@ -55,20 +55,20 @@ class Dropped(Bench):
 
 
 @pytest.fixture(scope="module")
-def bench():
-    """A bench with the wave and the hero, which several tests share."""
+def session():
+    """A session with the wave and the hero, which several tests share."""
     return Dropped()
 
 
 @contextmanager
-def serving(bench):
+def serving(session):
     """The address of a studio that answers."""
     uvicorn = pytest.importorskip("uvicorn")
     from distretarget.studio.server import studio_app
 
     listening = socket.create_server(("127.0.0.1", 0))
     port = listening.getsockname()[1]
-    app = studio_app(TOKEN, port, bench)
+    app = studio_app(TOKEN, port, session)
     server = uvicorn.Server(uvicorn.Config(app, log_level="warning", timeout_graceful_shutdown=1))
     thread = threading.Thread(target=server.run, kwargs={"sockets": [listening]}, daemon=True)
     thread.start()
@@ -82,7 +82,7 @@ def serving(bench):
 @pytest.fixture
 def studio():
     """The address of an empty studio."""
-    with serving(Bench()) as address:
+    with serving(Session()) as address:
         yield address
 
 
@@ -109,9 +109,9 @@ def in_shell(folder, command):
     return ran
 
 
-def by_command(folder, bench, done):
+def by_command(folder, session, done):
     """The bytes that the command of an order makes, by a shell in a folder with what is taken away in a zip."""
-    with zipfile.ZipFile(io.BytesIO(bench.together([done.order], with_files=True)[1])) as archive:
+    with zipfile.ZipFile(io.BytesIO(session.bundle([done.order], with_files=True)[1])) as archive:
         archive.extractall(folder)
     ran = in_shell(folder / "made_from", done.names.command(done.order))
     assert ran.returncode == 0, ran.stderr
@@ -137,22 +137,22 @@ def by_command(folder, bench, done):
         {"format": "gltf"},
     ],
 )
-def test_what_is_taken_away_is_what_its_command_makes(tmp_path, bench, more):
-    done = bench.ordered(**more)
+def test_what_is_taken_away_is_what_its_command_makes(tmp_path, session, more):
+    done = session.ordered(**more)
     name, content = done.file(more.get("format", "glb"))
     assert name == f"wave_hero.{more.get('format', 'glb')}"
-    assert content == by_command(tmp_path, bench, done)
+    assert content == by_command(tmp_path, session, done)
 
 
 @pytest.mark.parametrize("merged", [False, True])
 def test_several_clips_are_taken_as_their_commands_make_them(tmp_path, merged):
-    bench = Dropped()
-    other = bench.add("wave.bvh", (SAMPLES / "clap.bvh").read_bytes())
+    session = Dropped()
+    other = session.add("wave.bvh", (SAMPLES / "clap.bvh").read_bytes())
     assert other["name"] == "wave1.bvh"
     contacts = [{"plant": "left foot", "keep": False}]
     changes = ({"contacts": contacts}, {"clip": other["id"], "edits": {"end": "60f"}}, {"map": {"Head": None}})
-    orders = [Order.of(bench.files | more) for more in changes]
-    name, content = bench.together(orders, merged, with_files=True)
+    orders = [Order.of(session.files | more) for more in changes]
+    name, content = session.bundle(orders, merged, with_files=True)
     with zipfile.ZipFile(io.BytesIO(content)) as archive:
         archive.extractall(tmp_path)
     results = ["hero_clips.glb"] if merged else ["wave_hero.glb", "wave1_hero.glb", "wave_hero1.glb"]
@@ -160,25 +160,25 @@ def test_several_clips_are_taken_as_their_commands_make_them(tmp_path, merged):
     assert name == ("hero_clips.zip" if merged else "clips.zip")
     made = tmp_path / "made_from"
     command = (made / "command.txt").read_text().strip()
-    assert command == bench.command(orders, merged)
+    assert command == session.command(orders, merged)
     ran = in_shell(made, command)
     assert ran.returncode == 0, ran.stderr
     for result in results:
         assert (made / result).read_bytes() == (tmp_path / result).read_bytes()
     if merged:
-        assert bench.together(orders, merged) == (results[0], (made / results[0]).read_bytes())
+        assert session.bundle(orders, merged) == (results[0], (made / results[0]).read_bytes())
         file = load_file(made / results[0])
         assert animations_in(file) == ("wave", "wave1", "wave 2")
         for number, order in enumerate(orders, start=1):
             motion, _ = parse_motion(file, f"#{number}", None)
-            expected = bench.carry_out(order).converted.result.motion
+            expected = session.carry_out(order).converted.result.motion
             assert motion.positions == pytest.approx(expected.positions, abs=1e-5)
 
 
-def test_what_holds_one_motion_takes_no_other(bench):
-    orders = [Order.of(bench.files | {"format": "bvh"})] * 2
+def test_what_holds_one_motion_takes_no_other(session):
+    orders = [Order.of(session.files | {"format": "bvh"})] * 2
     with pytest.raises(SettingsError, match="holds one motion"):
-        bench.together(orders, merged=True)
+        session.bundle(orders, merged=True)
 
 
 @pytest.mark.skipif(os.name == "nt", reason="names that Windows cannot have")
@@ -196,10 +196,10 @@ def test_what_holds_one_motion_takes_no_other(bench):
 )
 def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character):
     contacts = [{"plant": "left foot", "keep": False}]
-    bench = Dropped(names=(clip, character))
-    done = bench.ordered(edits={"end": "30f"}, contacts=contacts, map={"Head": None})
+    session = Dropped(names=(clip, character))
+    done = session.ordered(edits={"end": "30f"}, contacts=contacts, map={"Head": None})
     name, content = done.file(done.format)
-    assert content == by_command(tmp_path, bench, done)
+    assert content == by_command(tmp_path, session, done)
     project = done.file("project")[0]
     (tmp_path / "made_from" / name).unlink()
     ran = in_shell(tmp_path / "made_from", f"distretarget retarget --project {shlex.quote(f'./{project}')}")
@@ -207,34 +207,34 @@ def test_files_with_odd_names_make_the_same_by_a_shell(tmp_path, clip, character
     assert (tmp_path / "made_from" / name).read_bytes() == content
 
 
-def test_orders_that_go_on_from_others_give_the_same_to_the_bit(bench):
+def test_orders_that_go_on_from_others_give_the_same_to_the_bit(session):
     for entries in (
         [],
         [{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}],
         [{"plant": "left foot", "keep": False, "frames": [5, 30]}],
         [{"between": ["left hand", "right hand"], "keep": False}, {"look": "head", "like": "source"}],
     ):
-        done, other = bench.ordered(contacts=entries), Dropped().ordered(contacts=entries)
-        assert done.conversion is bench.ordered().conversion
+        done, other = session.ordered(contacts=entries), Dropped().ordered(contacts=entries)
+        assert done.conversion is session.ordered().conversion
         assert done.file("glb") == other.file("glb")
         assert (done.motions, done.as_data) == (other.motions, other.as_data)
 
 
-def test_a_page_gets_only_actors_and_bodies_that_it_does_not_have(bench):
-    first = bench.ordered().motions
+def test_a_page_gets_only_actors_and_bodies_that_it_does_not_have(session):
+    first = session.ordered().motions
     known = {one["hash"] for key in ("actors", "bodies") for one in first[key]}
-    changed = bench.ordered(contacts=[{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]).motions
+    changed = session.ordered(contacts=[{"between": ["right hand", "head"], "gap": 0, "frames": [40, 60]}]).motions
     short = without_known(changed, known)
     assert short["bodies"] == [one["hash"] for one in changed["bodies"]]
     assert (short["actors"][0], short["actors"][-1]) == (changed["actors"][0]["hash"], changed["actors"][-1])
     assert without_known(changed, ()) == changed
 
 
-def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, bench):
+def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, session):
     rest = dict(rest_pose_in(load_file(SAMPLES / "walk.bvh")).rotations)
-    done = bench.ordered(rest=rest)
-    assert done.file("glb")[1] != bench.ordered(rest=None).file("glb")[1]
-    assert done.file("glb")[1] == by_command(tmp_path / "made", bench, done)
+    done = session.ordered(rest=rest)
+    assert done.file("glb")[1] != session.ordered(rest=None).file("glb")[1]
+    assert done.file("glb")[1] == by_command(tmp_path / "made", session, done)
     assert json.loads(done.file("map")[1]) == {"format": "distretarget-map", "version": 1, "map": {}, "rest": rest}
     project = tmp_path / "made" / "made_from" / "wave_hero.project.json"
     (project.parent / done.names.result).unlink()
@@ -242,13 +242,13 @@ def test_the_rest_pose_of_a_clip_goes_into_its_map(tmp_path, bench):
     assert (project.parent / done.names.result).read_bytes() == done.file("glb")[1]
 
 
-def test_the_papers_objective_has_no_supports_in_its_command(bench):
-    done = bench.ordered(options={"objective": "paper", "supports": "feet"})
+def test_the_papers_objective_has_no_supports_in_its_command(session):
+    done = session.ordered(options={"objective": "paper", "supports": "feet"})
     assert done.names.command(done.order) == "distretarget wave.bvh hero.glb -o wave_hero.glb --objective paper"
 
 
-def test_a_project_is_refused_with_other_files(tmp_path, bench):
-    done = bench.ordered(edits={"end": "30f"})
+def test_a_project_is_refused_with_other_files(tmp_path, session):
+    done = session.ordered(edits={"end": "30f"})
     path = tmp_path / "wave.project.json"
     path.write_bytes(done.file("project")[1])
     for source in (WAVE, HERO):
@@ -273,8 +273,8 @@ def test_a_project_is_refused_with_other_files(tmp_path, bench):
     assert "belongs beside it" in said({})
 
 
-def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(bench):
-    found = bench.ordered().as_data["contacts"]
+def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(session):
+    found = session.ordered().as_data["contacts"]
     assert {each["mark"] for each in found} == {"found"}
     gone = found[0]["entry"]
     key = "plant" if "plant" in gone else "between"
@@ -282,7 +282,7 @@ def test_a_contact_that_is_dropped_is_marked_and_one_that_is_made_is_added(bench
         {key: gone[key], "frames": gone["frames"], "keep": False},
         {"between": ["left hand", "right hand"], "frames": [5, 9], "gap": 1},
     ]
-    marked = bench.ordered(contacts=entries).as_data["contacts"]
+    marked = session.ordered(contacts=entries).as_data["contacts"]
     marks = {(each["mark"], tuple(each["parts"]), *each["entry"]["frames"]) for each in marked}
     assert ("dropped", tuple(found[0]["parts"]), *gone["frames"]) in marks
     assert ("added", ("left hand", "right hand"), 5, 9) in marks
@@ -310,36 +310,36 @@ def test_orders_without_sense_are_refused(given):
 
 
 def test_a_file_is_what_it_holds_and_nothing_to_use_is_refused():
-    bench = Bench()
-    assert bench.add("hero.glb", HERO.read_bytes())["character"]
-    walk = bench.add("..\\..\\walk.bvh", (SAMPLES / "walk.bvh").read_bytes())
+    session = Session()
+    assert session.add("hero.glb", HERO.read_bytes())["character"]
+    walk = session.add("..\\..\\walk.bvh", (SAMPLES / "walk.bvh").read_bytes())
     assert (walk["name"], walk["clip"], walk["frames"]) == ("walk.bvh", True, 249)
     for content in (b"", b"\0" * 100, b"HIERARCHY", b"{}", np.random.default_rng(0).bytes(1000)):
         with pytest.raises(DistretargetError):
-            bench.add("file.bvh", content)
-    assert len(bench.dropped) == 2
+            session.add("file.bvh", content)
+    assert len(session.dropped) == 2
 
 
-def test_an_order_that_is_overtaken_ends_early():
-    bench = Dropped(SAMPLES / "walk.bvh", SAMPLES / "child.json")
+def test_a_superseded_order_ends_early():
+    session = Dropped(SAMPLES / "walk.bvh", SAMPLES / "child.json")
 
     def outcome(turn):
         try:
-            bench.ordered(edits={"turn": float(turn + 1)})
-        except OvertakenError:
-            return "overtaken"
+            session.ordered(edits={"turn": float(turn + 1)})
+        except SupersededError:
+            return "superseded"
         return "done"
 
     with ThreadPoolExecutor(8) as pool:
         outcomes = [*pool.map(outcome, range(8))]
     assert outcomes.count("done") >= 1
-    assert "overtaken" in outcomes
+    assert "superseded" in outcomes
 
 
-def test_orders_of_other_tabs_overtake_none():
-    bench = Dropped(WAVE, SAMPLES / "child.json")
+def test_orders_of_other_tabs_supersede_none():
+    session = Dropped(WAVE, SAMPLES / "child.json")
     with ThreadPoolExecutor(3) as pool:
-        done = pool.map(lambda tab: bench.ordered(str(tab), edits={"turn": float(tab)}), range(3))
+        done = pool.map(lambda tab: session.ordered(str(tab), edits={"turn": float(tab)}), range(3))
     assert len([*done]) == 3
 
 
@@ -348,7 +348,7 @@ def test_only_who_knows_the_token_gets_an_answer(studio):
     assert status == 200
     assert "script-src 'self'" in headers["content-security-policy"]
     assert "unsafe" not in headers["content-security-policy"]
-    inside = (f"/{TOKEN}/assets/{name}" for name in ("../bench.py", "server.py", "%2e%2e/bench.py"))
+    inside = (f"/{TOKEN}/assets/{name}" for name in ("../session.py", "server.py", "%2e%2e/session.py"))
     for path in ("/", "/wrong/", "/wrong/assets/studio.js", *inside):
         assert answer(studio, path)[0] == 404
     port = urlsplit(studio).port
@@ -421,11 +421,11 @@ def test_a_wheel_has_the_samples():
     assert {path: f"distretarget/{path}" for path in paths} == wheel["force-include"]
 
 
-def test_what_cannot_be_written_is_not_offered(bench):
-    assert bench.ordered().as_data["formats"] == ["glb", "bvh", "gltf", "vrma", "npz"]
+def test_what_cannot_be_written_is_not_offered(session):
+    assert session.ordered().as_data["formats"] == ["glb", "bvh", "gltf", "vrma", "npz"]
     for form in ("vrm", "exe", "../x"):
         with pytest.raises(SettingsError, match="expected one of glb"):
-            bench.ordered(format=form)
+            session.ordered(format=form)
 
 
 def test_a_character_in_fbx_without_a_mesh_is_written_as_bvh(tmp_path):
@@ -439,10 +439,10 @@ def test_a_character_in_fbx_without_a_mesh_is_written_as_bvh(tmp_path):
     assert done.file("bvh")[1].startswith(b"HIERARCHY")
 
 
-def test_a_kind_of_file_that_is_none_is_refused(bench):
+def test_a_kind_of_file_that_is_none_is_refused(session):
     for kind in ("vrm", "exe", "../x"):
         with pytest.raises(SettingsError):
-            bench.ordered().file(kind)
+            session.ordered().file(kind)
 
 
 # ---- in a browser
@@ -515,7 +515,7 @@ def test_from_an_empty_page_to_a_file_that_the_command_makes(studio, browser, tm
 
 def test_a_sample_is_one_press_away_from_an_empty_page(browser, expect):
     tab = browser.new_page()
-    with serving(Bench()) as address:
+    with serving(Session()) as address:
         tab.goto(address)
         tab.get_by_test_id("try-sample").click()
         expect(tab.get_by_test_id("command")).to_have_text(PLAIN, timeout=30_000)
@@ -588,15 +588,15 @@ DRAWN = f"""async () => {{ {UNTIL}
 @pytest.fixture
 def solved(browser, expect):
     """A tab with a clip on a character, of a studio of its own, and a function that waits for a solved command."""
-    bench, problems = Bench(), []
+    session, problems = Session(), []
     for path in (SAMPLES / "clap.bvh", HERO):
-        bench.add(path.name, path.read_bytes())
+        session.add(path.name, path.read_bytes())
 
     def wait(words=""):
         expect(tab.get_by_test_id("command")).to_have_text(f"{PLAIN}{words}", timeout=30_000)
         expect(tab.get_by_test_id("solve-state")).to_have_text("done", timeout=30_000)
 
-    with serving(bench) as address:
+    with serving(session) as address:
         tab = browser.new_page(viewport={"width": 1440, "height": 1000})
         tab.on("pageerror", lambda error: problems.append(str(error)))
         tab.goto(address)
@@ -935,11 +935,11 @@ def test_a_picture_of_the_view_is_saved(solved):
 
 
 def test_files_that_do_not_fit_together_are_refused(monkeypatch):
-    from distretarget.studio import bench
+    from distretarget.studio import session
 
     content = WAVE.read_bytes()
-    monkeypatch.setattr(bench, "MOST", 2 * len(content))
-    full = Bench()
+    monkeypatch.setattr(session, "MOST", 2 * len(content))
+    full = Session()
     for name in ("wave.bvh", "wave.bvh", "other.bvh"):
         full.add(name, content)  # the same file again takes no place
     with pytest.raises(FileError, match="does not fit"):
@@ -973,9 +973,11 @@ def test_a_remark_leads_to_its_frame_and_its_part(solved, expect):
     assert near < away / 2
 
 
-def test_a_remark_on_parts_that_do_not_meet_leads_to_both(bench):
+def test_a_remark_on_parts_that_do_not_meet_leads_to_both(session):
     entry = {"between": ["left hand", "right foot"], "gap": 0, "frames": [40, 60]}
-    (remark,) = (each for each in bench.ordered(contacts=[entry]).as_data["warnings"] if "is missed by" in each["text"])
+    (remark,) = (
+        each for each in session.ordered(contacts=[entry]).as_data["warnings"] if "is missed by" in each["text"]
+    )
     assert remark["frame"] in range(40, 61)
     assert remark["joints"] == ["LeftHand", "RightFoot"]
 

@@ -27,13 +27,13 @@ from distretarget.numerics.vectors import Array
 COLOURS = {"left": "#2a7f9e", "right": "#e0793a", None: "#3b4252"}  # of the sides of the body, and of the trunk
 FLOOR, GRID, LABEL = "#f6f7f9", "#dfe3e8", "#3b4252"
 SHADOW = ((0.060, "#eceef1"), (0.044, "#e2e5e9"), (0.028, "#d8dce1"))  # thickness [body heights], colour
-LIGHT = (0.10, -0.28)  # how far a shadow goes to the right and nearer, per height above the floor
+LIGHT = (0.10, -0.28)  # offset of a shadow to the right and towards the camera, per height above the floor
 INCHES_PER_HEIGHT = 2.3  # size of a body of height 1 in the picture
 POINTS_PER_HEIGHT = 72 * INCHES_PER_HEIGHT
 THICKNESS = 0.027  # of a bone [body heights]
 DEPTH = 0.42  # of the strip of floor in front of the body, and behind it [body heights]
-ON_THE_SPOT = 0.4  # a root that moves less than this is drawn where it is, not moved to the origin [body heights]
-STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a picture, of all frames together; fewer make a smaller file
+ON_THE_SPOT = 0.4  # a root that moves less than this keeps its path in the drawing [body heights]
+STILL_COLOURS, MOVING_COLOURS = 64, 32  # of a still picture, and of all frames of a GIF together
 MARGIN = np.array([0.08, 0.15])  # around a figure, across and upward [body heights]
 
 
@@ -45,7 +45,7 @@ class Camera(NamedTuple):
 
     @property
     def slope(self) -> float:
-        """How much of the floor's depth the camera sees: 1 from above, 0 from the side."""
+        """The foreshortening of the floor's depth: 1 seen from above, 0 from the side."""
         return float(np.sin(np.radians(self.elevation)))
 
     def __call__(self, points: Array) -> Array:
@@ -62,8 +62,8 @@ VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter"
 
 @dataclass(frozen=True)
 class Cell:
-    """One stick figure: points (joints, 3), Y up, from an origin on the floor below the body; `ground`, (3,), the place
-    of the origin in the world, both in body heights; and the size of the body relative to that height.
+    """One stick figure: points, (joints, 3), Y up, relative to an origin on the floor below the body; `ground`, (3,),
+    the origin in the world; both in body heights; and the size of the body relative to that height.
     """
 
     skeleton: Skeleton

@@ -1,4 +1,4 @@
-"""glTF files in the making: json, struct and numpy alone, nothing of the package's own code of glTF."""
+"""Build glTF files with json, struct and numpy, without the package's own glTF code."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def glb(document: bytes, binary: bytes) -> bytes:
 
 @dataclass
 class Gltf:
-    """A glTF file in the making: its JSON, which may be edited, and its only buffer."""
+    """A glTF file to be built: its JSON, which may be edited, and its only buffer."""
 
     document: dict = field(default_factory=lambda: {"asset": {"version": "2.0", "generator": GENERATOR}})
     binary: bytearray = field(default_factory=bytearray)
@@ -59,12 +59,12 @@ class Gltf:
         """Append an accessor of values (count, ...); integers that hold fractions are normalized.
 
         Args:
-            values: the elements; matrices as usual, row by row.
+            values: the elements; matrices row by row.
             dtype: the type of the numbers, one of `COMPONENTS`.
-            bounds: state least and largest values.
-            stride: bytes from one element to the next; the length of an element if None.
-            sparse: store the first element for all, and those that differ as sparse ones.
-            target: what the graphics card takes it for.
+            bounds: write min and max.
+            stride: bytes from one element to the next; by default the size of an element.
+            sparse: store the first element for all, and the elements that differ in a sparse accessor.
+            target: of the buffer view.
         """
         values = np.asarray(values)
         normalized = dtype != "f4" and values.dtype.kind == "f"

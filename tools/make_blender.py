@@ -1,11 +1,10 @@
-"""Build the extension for Blender: one zip with the wheels that it needs, which are in it as they are.
+"""Build the extension for Blender: a zip that contains the wheels it needs.
 
     python tools/make_blender.py FOLDER [--platform linux-x64] [--wheel WHEEL]
 
-numpy is in Blender; scipy, click and tqdm are downloaded for the platform and each Python of Blender, which takes what
-fits it. WHEEL is that of distretarget
-for the platform; without it, it is built here (DISTRETARGET_PLATFORM builds others). In Blender: Edit > Preferences >
-Get Extensions > Install from Disk.
+numpy is part of Blender; scipy, click and tqdm are downloaded for the platform and each Python of Blender, which
+installs the wheels for its own. WHEEL is distretarget's for the platform; by default it is built here
+(DISTRETARGET_PLATFORM builds others). In Blender: Edit > Preferences > Get Extensions > Install from Disk.
 """
 
 from __future__ import annotations
@@ -20,9 +19,9 @@ from pathlib import Path
 import click
 
 ROOT = Path(__file__).resolve().parents[1]
-NEEDED = ("scipy", "click", "tqdm")  # beside numpy, which Blender has
+NEEDED = ("scipy", "click", "tqdm")  # besides numpy, which Blender has
 PYTHONS = ("3.11", "3.13")  # of Blender 4.2 to 5.0, and from 5.1 on
-PLATFORMS = {  # of Blender, and as pip names them
+PLATFORMS = {  # pip's names by Blender's
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),
     "windows-x64": ("win_amd64",),
     "macos-arm64": ("macosx_14_0_arm64", "macosx_12_0_arm64"),
@@ -49,7 +48,7 @@ files = "Read clips, and keep a job in a temporary folder while it runs"
 
 
 def download(folder: Path, platform: str) -> None:
-    """Download the wheels of what is needed for a platform and each Python."""
+    """Download the needed wheels for a platform and each Python."""
     systems = [word for name in PLATFORMS[platform] for word in ("--platform", name)]
     command = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "--only-binary=:all:", "-d", str(folder)]
     for python in PYTHONS:

@@ -21,12 +21,12 @@ import blender  # noqa: E402
 FRAME = 67  # of the clip: hands touch
 SPAN = [50, 80]
 HANDS = {"between": ["left hand", "right hand"], "frames": SPAN}
-SAID = ([], [HANDS | {"gap": 20}])
-APART = 1.2  # [m]
+CONTACTS = ([], [HANDS | {"gap": 20}])  # of the two characters
+APART = 1.2  # distance between the characters [m]
 
 
 def performer(number: int, contacts: list) -> None:
-    """A character at its place in the row, with a motion."""
+    """Add a character with the motion and some contacts at its place in the row."""
     scene, before = bpy.context.scene, {*bpy.data.objects}
     bpy.ops.import_scene.gltf(filepath=str(ROOT / "sample_characters" / "hero.glb"))
     new = [each for each in bpy.data.objects if each not in before]
@@ -54,7 +54,7 @@ def shade(mesh: bpy.types.Object) -> None:
 
 
 def stage() -> None:
-    """A floor, a sun and a camera."""
+    """Add a floor, a sun and a camera."""
     scene = bpy.context.scene
     bpy.ops.mesh.primitive_plane_add(size=60)
     bpy.ops.object.light_add(type="SUN", rotation=(math.radians(40), math.radians(15), 0))
@@ -71,14 +71,14 @@ def stage() -> None:
 
 
 def main() -> None:
-    """Render it."""
+    """Render the picture."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     blender.register()
     atexit.register(blender.unregister)
     scene = bpy.context.scene
     scene.render.fps = 60
     scene.distretarget.clip = str(ROOT / "sample_bvh" / "clap.bvh")
-    for number, contacts in enumerate(SAID):
+    for number, contacts in enumerate(CONTACTS):
         performer(number, contacts)
     stage()
     scene.frame_set(1 + FRAME)

@@ -43,14 +43,14 @@ def documents() -> dict[Path, str]:
 
 
 EXAMPLES = re.compile(r"^(?:  (?:\w+ [^\n|]+\| )?distretarget [^\n]+\n)+\n", re.MULTILINE)
-COMMANDS = re.compile(r"\n\nCommands:\n.*", re.DOTALL)  # the headings say the same
+COMMANDS = re.compile(r"\n\nCommands:\n.*", re.DOTALL)  # the page's headings have these
 
 
 def reference() -> str:
-    """The help text of every command, `retarget` first, without the examples, which the guides have, and without lists
-    of commands; an option that two commands share has its text once.
+    """The help text of every command, `retarget` first, without examples, which the guides have, and without lists of
+    commands; an option that commands share is listed once.
     """
-    first: dict[tuple[str, str], str] = {}  # where an option and its text were first seen
+    first: dict[tuple[str, str], str] = {}  # the first command with an option and its text
     sections = []
     for context in sorted(contexts(), key=lambda each: (each.parent is not None, each.info_name != "retarget")):
         path, shared = context.command_path, dict[str, list[str]]()
@@ -109,7 +109,7 @@ def fault_table() -> str:
 
 
 def schema() -> str:
-    """The schema, with the definitions of metrics written anew."""
+    """The schema, with updated definitions of metrics."""
     document: Json = json.loads(SCHEMA.read_text("utf-8"))
     columns = {
         metric.key + SUFFIXES[side]: number(metric, of_frame=True)
@@ -144,7 +144,7 @@ def closed(properties: Json) -> Json:
 
 # ---- README.md: the scoreboard of docs/results.md in short, which a benchmark writes
 
-METHODS = {  # how columns of the scoreboard begin, by their names on the front page
+METHODS = {  # patterns for the beginnings of the scoreboard's columns, by their names on the front page
     "copied rotations": "copied rotations",
     "three.js": "three.js",
     "mink": r"mink.*hands and feet",
@@ -152,7 +152,7 @@ METHODS = {  # how columns of the scoreboard begin, by their names on the front 
     "the paper": "paper's objective",
     "distretarget": "distretarget$",
 }
-FRONT = {  # how its lines begin, by what the front page says of them
+FRONT = {  # patterns for the beginnings of its lines, by their names on the front page
     "hands and forearms inside the body, % of their skin": "skin inside",
     "touches of hands that are lost, % of the source's": "touches missed",
     "how far feet slide, times the source's": "foot skate",
@@ -162,7 +162,7 @@ FRONT = {  # how its lines begin, by what the front page says of them
 
 
 def front_table() -> str:
-    """What was measured, and its value by method."""
+    """The table of the front page: a line for each measure, a column for each method."""
     head, *rows = lines("scoreboard")
 
     def place(start: str, names: list[str]) -> int:

@@ -1,4 +1,4 @@
-"""Write `docs/errors.md`: the messages of the program that do not say themselves what helps, and what does.
+"""Write `docs/errors.md`: the messages of the program that state only the cause, and their cures from `cures.toml`.
 
 python tools/make_errors.py
 """
@@ -18,12 +18,12 @@ from distretarget.io.files import REASONS
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "distretarget"
 PAGE = ROOT / "docs" / "errors.md"
-TOLD = tomllib.loads((ROOT / "tools" / "cures.toml").read_text("utf-8"))
-CURES, NOT_MESSAGES, USUAL = TOLD["cures"], set(TOLD["not_messages"]), set(TOLD["usual"])
-GAP = "…"  # stands for what differs from message to message
-SAYING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and their argument with the text
-BEFORE = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # what they put before it
-HEADINGS = {  # the headings, and the beginnings of the paths of files whose messages stand below them
+TABLE = tomllib.loads((ROOT / "tools" / "cures.toml").read_text("utf-8"))
+CURES, NOT_MESSAGES, USUAL = TABLE["cures"], set(TABLE["not_messages"]), set(TABLE["usual"])
+GAP = "…"  # stands for the variable parts of a message
+RAISING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and the index of their text
+PREFIXES = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # that these methods put before the text
+HEADINGS = {  # of sections, with the beginnings of the paths of files whose messages they have
     "Reading and writing files": "io/files.py io/input_file.py io/motion cli/outputs.py",
     "BVH files": "io/bvh",
     "Arrays": "io/arrays.py io/smpl.py",
@@ -49,11 +49,11 @@ class Message:
 
     @property
     def cure(self) -> str | None:
-        """What helps, from `cures.toml`; None if the message says it."""
+        """The cure from `cures.toml`; None if the message has one itself."""
         if self.text in CURES:
             return str(CURES[self.text])
-        said = (self.text.rpartition(mark) for mark in ("; ", ", expected "))
-        if self.text.startswith("expected ") or any(cause and cure.strip(GAP) for cause, _, cure in said):
+        parts = (self.text.rpartition(mark) for mark in ("; ", ", expected "))
+        if self.text.startswith("expected ") or any(cause and cure.strip(GAP) for cause, _, cure in parts):
             return None
         raise SystemExit(f"tools/cures.toml says nothing of {self.text!r} in {self.file}")
 
@@ -79,10 +79,10 @@ def _texts(tree: ast.AST) -> Iterator[str]:
         if isinstance(node, ast.Raise) and name.endswith(("Error", "UsageError", "BadParameter", "ClickException")):
             texts = [text for text in map(_text, call.args) if text.strip(GAP)]
             yield from texts[-1:]
-        elif name in SAYING and len(call.args) > SAYING[name]:
-            text = _text(call.args[SAYING[name]])
+        elif name in RAISING and len(call.args) > RAISING[name]:
+            text = _text(call.args[RAISING[name]])
             if text.strip(GAP):
-                yield BEFORE.get(name, "") + text + (f", found {GAP}" if name == "expected" else "")
+                yield PREFIXES.get(name, "") + text + (f", found {GAP}" if name == "expected" else "")
 
 
 def _text(node: ast.AST) -> str:
@@ -98,8 +98,8 @@ def _text(node: ast.AST) -> str:
 
 
 def page() -> str:
-    """The text of the page: under each heading, the messages that leave open what helps, by what does, without what
-    helps usually.
+    """The text of the page: under each heading, the messages without a cure of their own, grouped by their cures,
+    except for the usual cures.
     """
     left, sections = messages(), []
     for heading, files in HEADINGS.items():

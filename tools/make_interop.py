@@ -1,4 +1,4 @@
-"""Write the tables of docs/interop.md: how far off other programs find the joints of files.
+"""Write the tables of docs/interop.md: the errors of joint positions when other programs read files.
 
     DISTRETARGET_NODE=FOLDER DISTRETARGET_BLENDER=PYTHON python tools/make_interop.py
 
@@ -7,8 +7,8 @@ FOLDER is outside of the project; there run
     npm install three assimpjs @babylonjs/core @babylonjs/loaders
     npm install @pixiv/three-vrm @pixiv/three-vrm-animation esbuild gltf-validator
 
-PYTHON is that of an environment with the package bpy. A program that is missing gets its reason into the table. With
-the same variables, `pytest tests/interop` asks all programs.
+PYTHON is that of an environment with the package bpy. For a missing program the table has the reason. With the same
+variables, `pytest tests/interop` runs all programs.
 """
 
 from __future__ import annotations

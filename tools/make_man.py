@@ -13,7 +13,7 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli import ImportedCommand, cli
+from distretarget.cli import LazyCommand, cli
 
 WIDTH = 96  # characters of a line of help, as many as the site shows on a desktop
 
@@ -23,7 +23,7 @@ def contexts(
 ) -> Iterator[click.Context]:
     """The contexts of a command and of all its subcommands.
 
-    click keeps the help option that a command's first context asks for, so all have the program's own settings.
+    click caches the help option of a command's first context, so all contexts have the program's own settings.
     """
     context = click.Context(
         command, parent, name, terminal_width=WIDTH, max_content_width=WIDTH, **command.context_settings
@@ -32,7 +32,7 @@ def contexts(
     if isinstance(command, click.Group):
         for below in command.list_commands(context):
             found = command.commands[below]
-            yield from contexts(found.command if isinstance(found, ImportedCommand) else found, below, context)
+            yield from contexts(found.command if isinstance(found, LazyCommand) else found, below, context)
 
 
 def pages() -> Iterator[tuple[str, str]]:
@@ -62,7 +62,7 @@ def page(context: click.Context) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text without what man would take for its own language."""
+    """A text with the control characters of man escaped."""
     escaped = text.replace("\\", r"\e").replace("-", r"\-")
     return rf"\&{escaped}" if escaped[:1] in (".", "'") else escaped
 

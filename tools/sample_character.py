@@ -1,7 +1,7 @@
 """The sample character: a person with a mesh of its own, joints named as in Mixamo, in T-pose.
 
 Centimetres, Y up, facing +Z, the left side at +X. As in files of other programs, the joints' axes lie along the bones,
-and what stands above them turns and scales them: there Z is up, and the unit is 1 cm.
+and a node above them rotates and scales them from Z up and centimetres.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MIDDLE = (
     ("Head", "Neck", (0, 153, -0.5)),
     ("HeadTop_End", "Head", (0, 176, 0)),
 )
-LEFT = (  # likewise, and how far the joint is rolled about its bone [rad]
+LEFT = (  # likewise, and the roll of the joint about its bone [rad]
     ("Shoulder", "Spine2", (3, 141, -1), 1.2),
     ("Arm", "Shoulder", (17, 140, -2), 1.6),
     ("ForeArm", "Arm", (43.5, 140, -2.8), 1.6),
@@ -40,7 +40,7 @@ LEFT = (  # likewise, and how far the joint is rolled about its bone [rad]
     ("Toe_End", "ToeBase", (11, 2.5, 18), 0.0),
 )
 HAND_LENGTH = 17.0
-BLEND = 9.0  # over which length a joint bends the mesh
+BLEND = 9.0  # length over which a joint bends the mesh
 
 ARMATURE_SCALE = 0.01
 ARMATURE_TURN = Rotation.from_euler("X", -90, degrees=True)
@@ -50,8 +50,8 @@ SUIT, SKIN, DARK = (0.09, 0.30, 0.46), (0.80, 0.55, 0.42), (0.06, 0.05, 0.07)  #
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """The joints in the bind pose: names, parents, -1 for the root, places (joints, 3), ends of bones (joints, 3) and
-    rotations in the world.
+    """The joints in the bind pose: names, parents, -1 for the root, positions and ends of bones, (joints, 3) each, and
+    world rotations.
     """
 
     names: tuple[str, ...]
@@ -80,7 +80,7 @@ def joints() -> Joints:
 
 
 def _end(joint: int, names: tuple[str, ...], parents: tuple[int, ...], places: Array) -> Array:
-    """Where the bone of a joint ends: at the first joint below it, or some way on."""
+    """The end of a joint's bone: its first child, or for leaves a point in the same direction."""
     if joint in parents:
         return places[parents.index(joint)]
     along = places[joint] - places[parents[joint]]
@@ -167,7 +167,7 @@ class Part:
         colour: linear red, green, blue.
         surface: of the bodies.
         joints: (points, 4), of `joints()`.
-        shares: (points, 4), how much they move each point, in 255ths.
+        shares: (points, 4), their weights in 255ths.
     """
 
     name: str

@@ -1,6 +1,6 @@
-"""Surfaces of rounded bodies, and the weights with which joints move them.
+"""Surfaces of rounded bodies, and their skin weights.
 
-A body is a function of points (..., 3) that is negative inside, about the distance to its surface. Centimetres.
+A body is an approximate signed distance function of points, (..., 3), negative inside. Centimetres.
 """
 
 from __future__ import annotations
@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 Body = Callable[[Array], Array]
 
-MOST_JOINTS = 4  # that move a point
-STEP = 1e-4  # of differences [cm]
+MOST_JOINTS = 4  # influences on a point
+STEP = 1e-4  # of finite differences [cm]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +63,13 @@ def _to_line(points: Array, start: Array, end: Array, first: float = 0.0, last: 
 
 
 def behind(point: ArrayLike, normal: ArrayLike) -> Body:
-    """All that is behind a plane."""
+    """The half space behind a plane."""
     point, normal = np.asarray(point, float), np.asarray(normal, float) / np.linalg.norm(normal)
     return lambda points: (points - point) @ normal
 
 
 def joined(bodies: Sequence[Body], blend: float) -> Body:
-    """Bodies that run into each other over a length of about `blend`."""
+    """The union of bodies, blended over a length of about `blend`."""
 
     def two(a: Array, b: Array) -> Array:
         h = np.maximum(blend - np.abs(a - b), 0.0) / blend
@@ -79,7 +79,7 @@ def joined(bodies: Sequence[Body], blend: float) -> Body:
 
 
 def cut(body: Body, other: Body, blend: float) -> Body:
-    """What of a body is inside another, with a rounded edge."""
+    """The intersection of two bodies, with a rounded edge."""
 
     def value(points: Array) -> Array:
         a, b = body(points), other(points)
@@ -98,8 +98,8 @@ def both_sides(body: Body) -> Body:
 
 
 def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface:
-    """The surface of a body within a box: a point in each cell of a grid through which it passes, moved onto it
-    (surface nets, Gibson 1998, https://doi.org/10.1007/BFb0056277).
+    """The surface of a body within a box, by surface nets: a point in each cell of a grid that it crosses, moved onto
+    it (Gibson 1998, https://doi.org/10.1007/BFb0056277).
     """
     low = np.asarray(low, float)
     counts = np.ceil((np.asarray(high, float) - low) / cell).astype(int) + 1
@@ -127,7 +127,7 @@ def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface
 
 
 def _quads(inside: NDArray[np.bool_], number: NDArray[np.intp], axis: int) -> NDArray[np.intp]:
-    """The quadrilaterals about the edges of the grid along an axis that the surface crosses, counter-clockwise."""
+    """The quadrilaterals around those edges of the grid along an axis that the surface crosses, counter-clockwise."""
     inside, number = np.moveaxis(inside, axis, 0), np.moveaxis(number, axis, 0)
     if axis == 1:  # the other two axes are x and z, which are left-handed about y
         inside, number = inside.swapaxes(1, 2), number.swapaxes(1, 2)
@@ -163,7 +163,7 @@ def _slope(body: Body, points: Array) -> Array:
 
 
 def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
-    """(points, 3), unit vectors out of the surface: the mean of those of the triangles about each point, by area."""
+    """The outward unit normals of points, (points, 3): the mean of the adjacent triangles' normals by area."""
     a, b, c = np.moveaxis(points[triangles], 1, 0)
     normals = np.zeros_like(points)
     np.add.at(normals, triangles, np.cross(b - a, c - a)[:, None])
@@ -174,14 +174,14 @@ def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
 
 
 def weights(points: Array, starts: Array, ends: Array, blend: float, sides: Array) -> tuple[NDArray[np.intp], Array]:
-    """The joints that move each point, (points, 4), and how much, (points, 4): those whose bone is nearest, and those
-    whose bone is not further by more than `blend`. `sides` (joints,) is 1 for joints that move points with x > 0 only,
-    -1 for the other side, and 0 for those in the middle.
+    """The joints that move each point and their weights, (points, 4) each: the nearest bone, and bones that are farther
+    by less than `blend`. `sides`, (joints,), is 1 for joints that move points with x > 0 only, -1 for the other side,
+    and 0 for those in the middle.
     """
     distances = np.stack([_to_line(points, start, end) for start, end in zip(starts, ends, strict=True)], axis=1)
     distances = distances + 3.0 * np.maximum(0.35 * blend - sides * points[:, :1], 0.0) * (sides != 0)
     share = np.maximum(1.0 - (distances - distances.min(axis=1, keepdims=True)) / blend, 0.0)
     share = share**2 * (3 - 2 * share)
     joints = np.argsort(-share, axis=1, kind="stable")[:, :MOST_JOINTS]
-    kept = np.take_along_axis(share, joints, axis=1)
-    return joints, kept / kept.sum(axis=1, keepdims=True)
+    share = np.take_along_axis(share, joints, axis=1)
+    return joints, share / share.sum(axis=1, keepdims=True)

@@ -39,7 +39,7 @@ from sample_motions import hanging_arm, planted_feet, standing_trunk
 from scipy.spatial.transform import Rotation
 
 from distretarget import Grip, Motion, Prop, Skeleton
-from distretarget.io.obj import parse_obj, still_points
+from distretarget.io.obj import parse_obj, static_prop
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
 NEAREST = ""
@@ -301,7 +301,7 @@ def drum_on_table() -> SampleScene:
 
 def standing_prop(name: str, points: Points) -> Motion:
     """A prop that stands still, with these points, (points, 3) [cm]."""
-    return still_points(parse_obj(obj_text(points), f"{name}.obj")[0], name)
+    return static_prop(parse_obj(obj_text(points), f"{name}.obj")[0], name)
 
 
 def obj_text(points: Points) -> str:

@@ -51,10 +51,10 @@ from distretarget import Motion
 from distretarget.numerics.vectors import normalised
 
 FLOOR, WORLD = "floor", "world"
-CLEARANCE = 1e-6  # a time so near a frame counts as that frame [frames]
+CLEARANCE = 1e-6  # a time this near to a frame counts as that frame [frames]
 HAND, FOOT = ("Wrist", "Wrist_End"), ("Ankle", "Toe", "Toe_End")  # joints that rest together
 KNEE_HEIGHT, INSTEP_HEIGHT = 5.5, 6.0  # of knee and ankle that rest on the floor [cm]
-ABOVE_FLOOR = 20.0  # what rests higher rests on a wall or a rung [cm]
+ABOVE_FLOOR = 20.0  # joints that rest higher rest on a wall or a rung [cm]
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,7 @@ class Rest:
         return held(t, self.start - approach, self.start, self.end, self.end + (approach if leave is None else leave))
 
     def reached(self, t: Track, free: Points, seconds: float) -> Points:
-        """(frames, 3), the path `free`, which turns off to the place for the rest, `seconds` before and after."""
+        """The path `free`, (frames, 3), blended to the place of the rest over `seconds` before and after."""
         return free + self.weight(t, seconds)[:, None] * (np.asarray(self.place) - free)
 
 
@@ -111,7 +111,7 @@ def supports_of_sides(t: Track, joints: Iterable[str], rests: Mapping[str, Seque
 
 
 def stepped(t: Track, rests: Sequence[Rest], arc: ArrayLike = (0.0, 0.0, 0.0)) -> Points:
-    """(frames, 3), a path that stays at each place and moves on to the next; `arc` takes it off the straight line."""
+    """A path, (frames, 3), that stays at each place and moves on to the next; `arc` is added half-way."""
     keys = [time for rest in rests for time in (rest.start, rest.end)]
     places = np.repeat([rest.place for rest in rests], 2, axis=0)
     path = columns(*(eased(t, keys, values) for values in places.T))

@@ -1,4 +1,4 @@
-"""What MkDocs does for the site besides its own: pages of the project's root, links out of it, and formulas.
+"""Hooks of MkDocs for the site: pages of the project's root, links to other files, and formulas.
 
 Pages of the root (README.md, CHANGELOG.md, ...) become pages of the site, README.md the first. Links to files that are
 no pages lead to the repository. Formulas become MathML, which browsers draw without scripts.

@@ -32,8 +32,8 @@ def places(skeleton: Skeleton) -> NDArray[np.float64]:
 def with_chain(
     skeleton: Skeleton, parent: int, offsets: Mapping[str, ArrayLike], end: ArrayLike | None = None
 ) -> Skeleton:
-    """The skeleton with a chain of new joints below the joint `parent`, each the child of the one before, with its
-    offset (3,) by name and the root's rotation channels, and perhaps an End Site after the last.
+    """The skeleton with a chain of new joints below the joint `parent`, with `offsets`, (3,), by name and the root's
+    rotation channels, and an End Site at the offset `end` after the last, if given.
     """
     ends = [] if end is None else [end]
     rows = [*offsets.values(), *ends]
@@ -50,7 +50,7 @@ def with_chain(
 
 
 def below_root(skeleton: Skeleton, name: str, place: ArrayLike, channels: tuple[str, ...]) -> Skeleton:
-    """The skeleton below a new root at a place (3,), which takes the old root's channels; that one gets `channels`."""
+    """The skeleton below a new root at a place, (3,), with the old root's channels; the old one gets `channels`."""
     offsets = np.array(skeleton.offsets)
     offsets[0] -= place
     return replace(
@@ -65,15 +65,15 @@ def below_root(skeleton: Skeleton, name: str, place: ArrayLike, channels: tuple[
 
 def only(skeleton: Skeleton, joints: Iterable[int]) -> Skeleton:
     """The skeleton reduced to these joints, each below its nearest remaining ancestor."""
-    kept = sorted(joints)
-    number = {joint: place for place, joint in enumerate(kept)}
+    chosen = sorted(joints)
+    number = {joint: place for place, joint in enumerate(chosen)}
     return replace(
         skeleton,
-        names=tuple(skeleton.names[joint] for joint in kept),
-        parents=np.array([next((number[a] for a in skeleton.to_root(j)[1:] if a in number), -1) for j in kept]),
-        offsets=skeleton.offsets[kept],
-        channels=tuple(skeleton.channels[joint] for joint in kept),
-        end_sites=skeleton.end_sites[kept],
+        names=tuple(skeleton.names[joint] for joint in chosen),
+        parents=np.array([next((number[a] for a in skeleton.to_root(j)[1:] if a in number), -1) for j in chosen]),
+        offsets=skeleton.offsets[chosen],
+        channels=tuple(skeleton.channels[joint] for joint in chosen),
+        end_sites=skeleton.end_sites[chosen],
     )
 
 
@@ -97,8 +97,8 @@ def turned_below(skeleton: Skeleton, joint: int, turn: Rotation) -> Skeleton:
 
 @dataclass(frozen=True)
 class Along:
-    """A rest pose in which nobody can stand: bones lie along an axis of their joints, those of the right side against
-    it if `mirrored`. `base` has the axes of the hips as columns, in those of a body in T-pose.
+    """A rest pose that is not a standing one: all bones lie along one axis of their joints, those of the right side in
+    its negative direction if `mirrored`. `base` has the hips' axes as columns, in the axes of a body in T-pose.
     """
 
     base: NDArray[np.float64]
@@ -129,7 +129,7 @@ LYING: Mapping[str, Along] = {
 
 
 def with_axes(skeleton: Skeleton, axes: Rotation) -> Skeleton:
-    """The skeleton whose joints have other axes, one rotation for each joint, and so another rest pose."""
+    """The skeleton with other axes of its joints, a rotation for each, and so another rest pose."""
     offsets = axes[np.maximum(skeleton.parents, 0)].inv().apply(np.array(skeleton.offsets))
     return with_offset(skeleton.with_offsets(offsets), 0, skeleton.offsets[0])
 

@@ -1,4 +1,4 @@
-"""Tables in Markdown, and the places in pages that they are written into."""
+"""Make tables in Markdown, and write them into their places in pages."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def mean_and_largest(values: ArrayLike, form: str) -> str:
 
 
 def with_tables(page: Path, tables: Mapping[str, str]) -> str:
-    """The text of a page with tables, or other generated parts, written anew between the lines `<!-- name -->`, or
+    """The text of a page with tables, or other generated parts, replaced between the lines `<!-- name -->`, or
     `<!-- name: ... -->`, and `<!-- end -->`.
     """
     text = page.read_text("utf-8")

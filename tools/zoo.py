@@ -149,9 +149,9 @@ def _with_finger(skeleton: Skeleton, side: str, finger: str, naming: Naming, *, 
 
 # ---- feet, both changed in T-pose
 
-HIGH = np.radians(43)  # how far the foot bone of a high ankle points downwards [rad]
+HIGH = np.radians(43)  # downward slope of the foot bone of a high ankle [rad]
 HEEL = -0.4  # the heel behind the ankle [lengths of the foot bone]
-TOES = np.linspace(0.25, -0.25, 5)  # how far inwards, big toe first [lengths of the foot bone]
+TOES = np.linspace(0.25, -0.25, 5)  # inward offsets, big toe first [lengths of the foot bone]
 SOLE = 0.01  # height of the lowest joint of the feet over the floor [body heights]
 
 
@@ -311,7 +311,7 @@ def ik(skeleton: Skeleton, _naming: Naming) -> Skeleton:
 
 
 def face(skeleton: Skeleton, naming: Naming) -> Skeleton:
-    """Jaws and eyes instead of the crown, as Character Creator has, below a joint that is all but at the head [cm]."""
+    """Jaws and eyes instead of the crown, as in Character Creator, below a joint almost at the head [cm]."""
     head, names = roles(skeleton)["head"], naming.face.format
     skeleton = with_chain(bare(skeleton, head), head, {names(Part="FacialBone"): (0.0, -0.01, 0.01)})
     bones = {
@@ -369,7 +369,7 @@ def on_twin(name: str, motion: Motion) -> Motion:
 
 
 def on_member(name: str, motion: Motion) -> Motion:
-    """The motion of a member of the zoo whose twin moves as `on_twin`."""
+    """The motion of a member of the zoo that equals that of its twin, `on_twin`."""
     skeleton, copy = _standing(MEMBERS[name]), on_twin(name, motion)
     plain, shared = copy.skeleton, [key for key in copy.skeleton.keys if key in skeleton.keys]
     joints, of_copy = ([body.index(key) for key in shared] for body in (skeleton, plain))

@@ -1,1 +1,1 @@
-"""Many clips onto one or several targets: folders of results, each with a database of what was done."""
+"""Retarget many clips to one or several targets, into folders of results with a database each."""

@@ -1,5 +1,5 @@
-"""The clips of a folder as they are: what is wrong with each, by itself and among the others of its rig; and the page
-on that, with the worst frames.
+"""Find faults in the clips of a folder, in each alone and in comparison with others of its rig; and make a page on
+them, with the worst frames.
 """
 
 from __future__ import annotations
@@ -23,54 +23,52 @@ from distretarget.motion import Motion
 from distretarget.report.page import folder_of, html_page
 from distretarget.stick_figures import stick_figures
 
-LEAST = 3  # clips of a rig that show what is usual
-COMPARED_FRAMES = 16  # frames by which two clips are compared
-ALIKE = 1e-3  # joints this near to each other are at the same place [leg lengths]
-LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # the usual limit of each kind of fault
+LEAST_CLIPS = 3  # clips of a rig that are needed to compare each with most of them
+COMPARED_FRAMES = 16  # frames in which two clips are compared
+SAME_POSITION = 1e-3  # joints this near to each other are at the same position [leg lengths]
+LIMITS = {key: kind.limit for key, kind in KINDS.items()}  # default limits by kind of fault
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class AuditedClip:
-    """A clip, and what was found of each kind of fault."""
+    """A clip and its findings."""
 
     path: Path
-    findings: Findings  # by the key of the kind; kinds that could not be measured are missing
-    animation: str | None = None  # which of several in the file, such as "#2"
+    findings: Findings  # by kind of fault, without those that could not be measured
+    animation: str | None = None  # one of several in the file, such as "#2"
     rig: tuple[tuple[str, ...], bytes] | None = None  # names and tree of the joints; None if the file cannot be read
     frames: int = 0
     frame_time: float = 0.0  # [s]
     leg: float = 0.0  # the length of a leg [file units]
     up: str = ""  # the axis that points up
-    # SVG of the worst frame of each kind of fault, if they are asked for, and the frames around it
-    pictures: Mapping[str, str] = field(default_factory=dict)
-    # of the joints in some frames, from that of the first joint in the first frame [leg lengths]
-    places: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
+    pictures: Mapping[str, str] = field(default_factory=dict)  # SVG of the worst frame and its neighbours, by kind
+    # joints in some frames, relative to the root in the first frame, (frames, joints, 3) [leg lengths]
+    positions: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 0, 3), np.float32))
 
     @property
     def name(self) -> str:
-        """The path of the file, and which animation in it."""
+        """The path of the file, with the animation if it has several."""
         return f"{self.path} {self.animation}" if self.animation else str(self.path)
 
     def faults(self, limits: Mapping[str, float]) -> Findings:
-        """Return the findings above their limits, by kind, in the order of `KINDS`."""
+        """Return the findings above their limits by kind, in the order of `KINDS`."""
         found = self.findings
         return {kind: found[kind] for kind in KINDS if kind in found and found[kind].value > limits[kind]}
 
 
 def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False) -> list[AuditedClip]:
-    """Return what is wrong with the clips in some files, in their order, with or without pictures.
-
-    Of a file with several animations each is a clip, unless `clip` names one.
+    """Return the audited clips of some files, in their order, with or without pictures. Each animation in a file is a
+    clip, unless `clip` names one.
     """
     clips = [_audited(path, number, pictures) for path in paths for number in ([clip] if clip else animations_of(path))]
     rigs = defaultdict(list)
     for each in clips:
         if each.rig:
             rigs[each.rig].append(each)
-    for rig_property in rigs.values():
-        _find_duplicates(rig_property)
-        if len(rig_property) >= LEAST:
-            _compare(rig_property)
+    for of_rig in rigs.values():
+        _find_duplicates(of_rig)
+        if len(of_rig) >= LEAST_CLIPS:
+            _compare(of_rig)
     return clips
 
 
@@ -92,12 +90,12 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
         leg=body.leg,
         up=body.up,
         pictures=dict(_pictures(motion, body, findings)) if pictures else {},
-        places=_places(motion, body.leg),
+        positions=_sampled_positions(motion, body.leg),
     )
 
 
 def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[str, str]]:
-    """The worst frame of each kind of fault, between those before and after it."""
+    """Yield each kind of fault with a picture of its worst frame and the frames before and after it."""
     skeleton = motion.skeleton
     for kind, found in findings.items():
         if found.frame is not None:
@@ -107,33 +105,32 @@ def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[
             yield kind, stick_figures(skeleton.parents, motion.positions[first:end], body.up_vector, label, marked)
 
 
-def _places(motion: Motion, leg: float) -> NDArray[np.float32]:
-    some = np.linspace(0, len(motion) - 1, min(COMPARED_FRAMES, len(motion))).astype(int)
-    places = motion.positions[some] - motion.positions[0, 0]
-    return np.asarray(places / leg, np.float32)
+def _sampled_positions(motion: Motion, leg: float) -> NDArray[np.float32]:
+    frames = np.linspace(0, len(motion) - 1, min(COMPARED_FRAMES, len(motion))).astype(int)
+    return np.asarray((motion.positions[frames] - motion.positions[0, 0]) / leg, np.float32)
 
 
 def _find_duplicates(clips: Sequence[AuditedClip]) -> None:
-    """Note the other clips of a rig that have the same motion, at any size and place, as an earlier one."""
+    """Add a finding to each clip of a rig: whether an earlier one has the same motion, at any size and position."""
     seen: dict[int, list[AuditedClip]] = defaultdict(list)
     for clip in clips:
-        same = (one for one in seen[clip.frames] if np.abs(one.places - clip.places).max(initial=0.0) < ALIKE)
-        first = next(same, None)
+        differences = ((one, np.abs(one.positions - clip.positions).max(initial=0.0)) for one in seen[clip.frames])
+        first = next((one for one, difference in differences if difference < SAME_POSITION), None)
         clip.findings["duplicate"] = Finding(float(first is not None), None, f"of {first.name}" if first else "")
         if first is None:
             seen[clip.frames].append(clip)
 
 
 def _compare(clips: Sequence[AuditedClip]) -> None:
-    """Compare unit, axis up and frame time of each clip of a rig with what most of them have."""
+    """Add findings to the clips of a rig whose unit, up axis or frame time differs from that of most."""
     leg = float(np.median([clip.leg for clip in clips]))
     up, most_up = Counter(clip.up for clip in clips).most_common(1)[0]
     rates = Counter(round(1.0 / clip.frame_time, 1) for clip in clips)
     rate, most_rate = rates.most_common(1)[0]
     for clip in clips:
         ratio = clip.leg / leg
-        unlike = f"{ratio:.3g} times as large as most" if ratio < 1 / 1.01 or ratio > 1.01 else ""
-        clip.findings["unit"] = Finding(max(ratio, 1.0 / ratio), None, unlike)
+        size = f"{ratio:.3g} times as large as most" if ratio < 1 / 1.01 or ratio > 1.01 else ""
+        clip.findings["unit"] = Finding(max(ratio, 1.0 / ratio), None, size)
         if clip.up != up and 2 * most_up > len(clips):
             clip.findings["up_axis"] = Finding(1.0, None, f"{clip.up} is up, {up} in most")
         if 2 * most_rate > len(clips) and "frame_time" not in clip.findings:
@@ -143,7 +140,7 @@ def _compare(clips: Sequence[AuditedClip]) -> None:
 
 
 def audit_page(clips: Sequence[AuditedClip], limits: Mapping[str, float], title: str) -> str:
-    """Return the HTML of the page, for limits by kind of fault."""
+    """Return the HTML page on audited clips, for limits by kind of fault."""
     summary = "\n".join(f"<p>{escape(line)}</p>" for line in summary_lines(clips, limits))
     worst = sorted((clip for clip in clips if clip.faults(limits)), key=lambda clip: -len(clip.faults(limits)))
     folder = folder_of(clip.name for clip in clips)
@@ -161,7 +158,7 @@ def _row(clip: AuditedClip, name: str, limits: Mapping[str, float]) -> str:
 
 
 def fault_text(kind: str, found: Finding) -> str:
-    """Return a fault in words: its kind, number and unit, and where it is."""
+    """Return a text on a fault: its kind, value and unit, frame and joint."""
     unit = KINDS[kind].unit
     number = "" if KINDS[kind].plain else f"{found.value:.3g} {unit}".rstrip()
     number = counted(int(found.value), "frame") if unit == "frames" else number
@@ -170,7 +167,7 @@ def fault_text(kind: str, found: Finding) -> str:
 
 
 def summary_lines(clips: Sequence[AuditedClip], limits: Mapping[str, float]) -> Iterator[str]:
-    """Yield how many clips have faults, and of which kinds."""
+    """Yield lines that count the clips without faults, and those with each kind of fault."""
     faults = [clip.faults(limits) for clip in clips]
     yield f"{counted(len(clips), 'clip')}: {sum(not each for each in faults)} without faults"
     for kind in KINDS:

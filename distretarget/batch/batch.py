@@ -1,5 +1,5 @@
-"""A whole batch: retarget the clips that are not done, record what became of each, and make pages on them. Scripts
-call `convert_folder`.
+"""Run a batch: retarget the clips that are not done, record the outcome of each, and make pages on them. Scripts call
+`convert_folder`.
 """
 
 from __future__ import annotations
@@ -38,23 +38,23 @@ from distretarget.pipeline.conversion import DEFAULT_RECIPE, Recipe
 from distretarget.pipeline.performer import target_capsules
 from distretarget.report.diff_document import About
 
-SPLIT_SIZE = 1 << 20  # smallest clip that gets several threads if it would keep one worker busy at the end [bytes]
-BESIDE = Path("beside")  # stands for the contact file beside each clip
+SPLIT_SIZE = 1 << 20  # clips larger than this get several threads if one worker would finish them last [bytes]
+BESIDE = Path("beside")  # stands for the contact files beside clips
 
 Show = Callable[[BatchRecord | None], object]
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Clips to retarget, and how; an error as in `load_contacts` if the contact file for all of them cannot be read."""
+    """Clips to retarget, and how; errors as in `load_contacts` if the contact file for all clips cannot be read."""
 
     clips: Sequence[PlannedClip]
     pages: Pages
     recipe: Recipe
-    contacts: Path | None = None  # a contact file for all clips, or `BESIDE`, for the one beside each clip
-    skeleton: InputFile | None = None  # the skeleton for clips that are arrays
-    time_limit: float | None = None  # of a clip [s]
-    fail_fast: bool = False  # whether to end with the first failure
+    contacts: Path | None = None  # a contact file for all clips, or `BESIDE` for one beside each clip
+    skeleton: InputFile | None = None  # the skeleton of clips that are arrays
+    time_limit: float | None = None  # per clip [s]
+    fail_fast: bool = False  # whether to stop at the first failure
 
     def __post_init__(self) -> None:
         if self.contacts not in (None, BESIDE):
@@ -66,7 +66,7 @@ class Batch:
         return self.pages.results
 
     def record_of(self, clip: PlannedClip, input_hash: str = "") -> BatchRecord:
-        """Return the record of a clip that is not done, whose file has this hash."""
+        """Return the record of a clip before it is retargeted; `input_hash` is that of its file."""
         settings = {**self._recipe(clip).settings}
         if (path := self._contacts_path(clip)) and (contacts_hash := hash_of_file(path)):
             settings["contacts"] = contacts_hash
@@ -75,7 +75,7 @@ class Batch:
         return new_record(clip, settings, input_hash)
 
     def _recipe(self, clip: PlannedClip) -> Recipe:
-        """The recipe of a clip, with the animation to read if its file has several."""
+        """The recipe of a clip, with its animation if the file has several."""
         return replace(self.recipe, clip=clip.animation) if clip.animation else self.recipe
 
     def _contacts_path(self, clip: PlannedClip) -> Path | None:
@@ -86,30 +86,30 @@ class Batch:
 
     @cached_property
     def _targets(self) -> dict[str, TargetFile]:
-        """The targets, by the paths of their files."""
+        """The targets by the paths of their files."""
         return {str(clip.target.path): clip.target for clip in self.clips}
 
     @cached_property
     def _packed(self) -> dict[str, bytes]:
-        """The targets as workers get them: with the capsules of a character if they are needed, without its file."""
+        """The targets pickled for workers, by path: without the file, but with a character's capsules if needed."""
         options, packed = self.recipe.options, {}
-        known = options.skin == "none" or options.objective == "paper" or self.recipe.builds.target is not None
+        unused = options.skin == "none" or options.objective == "paper" or self.recipe.builds.target is not None
         for path, file in self._targets.items():
             target = file.target
-            if isinstance(target, CharacterTarget) and not known:
+            if isinstance(target, CharacterTarget) and not unused:
                 target = replace(target, capsules=target_capsules(target))
             packed[path] = pickle.dumps(replace(file, target=target, file=None))
         return packed
 
     @property
     def _records(self) -> list[BatchRecord]:
-        """The newest record of each clip, if any, in the order of the results."""
+        """The newest record of each clip, if any, sorted by output."""
         outputs = {clip.output for clip in self.clips}
         records = (record for record in self.results.database.latest() if record["output"] in outputs)
         return sorted(records, key=lambda record: record["output"])
 
     def check(self) -> None:
-        """Raise a BatchError or FileError, before any work, if there are no clips or the page cannot be written."""
+        """Raise a BatchError or FileError, before any work, if there are no clips or pages cannot be written."""
         if not self.clips:
             raise BatchError("there are no clips to convert")
         self.pages.check(self.clips, self.recipe.map_file.path)
@@ -121,7 +121,7 @@ class Batch:
 
         Raises:
             BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
-            FileError: the page over all clips cannot be written.
+            FileError: the page about all clips cannot be written.
         """
 
         def count(record: BatchRecord | None) -> None:
@@ -146,28 +146,28 @@ class Batch:
                 tally.seconds = time.perf_counter() - started - workers.start_seconds
 
     def _jobs(self, workers: int, show: Show) -> Iterator[Job]:
-        """The clips that are not done; last those that another run has claimed, as that run may have been killed."""
-        left, others = sum(clip.size for clip in self.clips), list[PlannedClip]()
+        """The jobs of clips that are not done; clips claimed by another run come last, as it may have been killed."""
+        remaining, claimed = sum(clip.size for clip in self.clips), list[PlannedClip]()
         for clip in self.clips:
-            threads = cores() if clip.size > max(SPLIT_SIZE, left / workers) else None
-            left -= clip.size
-            for job in self._unless_done(clip, show, others):
+            threads = cores() if clip.size > max(SPLIT_SIZE, remaining / workers) else None
+            remaining -= clip.size
+            for job in self._unless_done(clip, show, claimed):
                 yield replace(job, threads=threads)
-        for clip in others:
+        for clip in claimed:
             yield from self._unless_done(clip, show)
 
-    def _unless_done(self, clip: PlannedClip, show: Show, others: list[PlannedClip] | None = None) -> Iterator[Job]:
-        """The job of a clip, unless it is done; one that another run has claimed goes to `others`, if given."""
+    def _unless_done(self, clip: PlannedClip, show: Show, claimed: list[PlannedClip] | None = None) -> Iterator[Job]:
+        """The job of a clip that is not done; a clip that another run has claimed is added to `claimed`, if given."""
         record = self.record_of(clip)
         try:
             source = InputFile(read_bytes(clip.path), clip.path)
             record["input_hash"] = source.hash
             known = self.results.known(record, clip.outputs)
-            if not known and others is not None:
+            if not known and claimed is not None:
                 if not self.results.database.claim(clip.output):
-                    others.append(clip)
+                    claimed.append(clip)
                     return
-                known = self.results.known(record, clip.outputs)  # another run may have done it just now
+                known = self.results.known(record, clip.outputs)  # another run may have just done it
             if known:
                 show(None)
                 return
@@ -178,12 +178,12 @@ class Batch:
         yield replace(job, about=self.pages.about_at_once(clip))
 
     def _report_jobs(self, records: Sequence[BatchRecord]) -> Iterator[Job]:
-        """The clips that need a report on their present output, from their records."""
-        of_output, wanted = {record["output"]: record for record in records}, {*self.pages.without_report(records)}
+        """The jobs of clips that still need a report on their present output."""
+        by_output, missing = {record["output"]: record for record in records}, {*self.pages.without_report(records)}
         for clip in self.clips:
-            if clip.output in wanted:
+            if clip.output in missing:
                 with suppress(DistretargetError):
-                    job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, of_output[clip.output])
+                    job = self._job(InputFile(read_bytes(clip.path), clip.path), clip, by_output[clip.output])
                     yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)))
 
     def _job(self, source: InputFile, clip: PlannedClip, record: BatchRecord) -> Job:
@@ -200,7 +200,7 @@ class Batch:
         )
 
     def _finish(self, result: Result, show: Show) -> None:
-        """Put the results of a clip in place, record what it became, and write its report."""
+        """Write the results of a clip, record its outcome, and write its report."""
         record = result.record
         try:
             if record["status"] == "done":
@@ -221,7 +221,7 @@ class Batch:
             self.pages.write_report(record, result.report)
 
     def _parts(self, name: str, output: Output, record: BatchRecord) -> Parts:
-        """The content of the file of a result, in parts."""
+        """The content of a result's file, in parts."""
         if not isinstance(output, Animation):
             return [output]
         target = self._targets[record["target"]]
@@ -247,7 +247,7 @@ def convert_folder(
     table: str | Path | None = None,
     skeleton: str | Path | None = None,
 ) -> Tally:
-    """Retarget motion files and folders of them to one target or several, as `distretarget batch` does.
+    """Retarget motion files and folders of them to one or several targets, as `distretarget batch` does.
 
     Clips that are done and unchanged are skipped, so an interrupted call continues where it stopped. A script that
     calls this needs `if __name__ == "__main__":`, since worker processes may import it.
@@ -255,22 +255,21 @@ def convert_folder(
     Args:
         sources: BVH, glTF, VRM animation and FBX files, and folders.
         targets: characters, skeleton files or BVH files; with several targets each gets its own folder in `folder`.
-        folder: the folder of results, which has the same tree as the sources.
-        include: shell patterns for names or paths of files in folders, of which one must match.
+        folder: for the results; gets the same tree as the sources.
+        include: shell patterns for names or paths of files in folders; only files that match one are retargeted.
         exclude: shell patterns for files to leave out.
         recipe: how each clip is read, retargeted and written.
-        formats: of the results, such as ("bvh", "npz"): files of each clip, named alike; by default, and for "own",
-            that of the target if it is glTF, else "bvh".
-        contacts: a contact file for all clips; or "beside", for the file beside each clip that has one, such as
-            `walk.contacts.json`.
-        jobs: the number of processes; one for each core if not given.
+        formats: of the results, such as ("bvh", "npz"), one file each; "own", the default, is the target's if it is
+            glTF, else "bvh".
+        contacts: a contact file for all clips; or "beside" for files beside clips, such as `walk.contacts.json`.
+        jobs: the number of processes; by default one for each core.
         overwrite: whether to retarget everything again, and to replace files that no batch made.
         fail_fast: whether to stop at the first clip that fails.
-        time_limit: the longest time for a clip [s]; one that takes longer fails, and the next call tries it again.
-        report: an HTML page on all clips to write.
-        reports: how many clips get a report beside it, the worst first; None for all.
-        table: a table to write with a row for each clip, .csv or .parquet.
-        skeleton: the file of the skeleton for clips that are arrays, for which folders are then searched; see
+        time_limit: per clip [s]; one that takes longer fails, and the next call tries it again.
+        report: the path of an HTML page about all clips.
+        reports: how many clips, the worst first, get a report beside that page; None for all.
+        table: the path of a table, .csv or .parquet, with a row for each clip.
+        skeleton: the file with the skeleton of clips that are arrays, which are then also searched for in folders; see
             `read_motion`.
 
     Returns:
@@ -329,7 +328,7 @@ def _check_numbers(jobs: int | None, reports: int | None, time_limit: float | No
 
 
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:
-    """The paths in an argument of one path or several."""
+    """The paths in an argument that is one path or several."""
     several = paths if isinstance(paths, Sequence) and not isinstance(paths, str) else [paths]
     for path in several:
         check_path(name, path)

@@ -1,4 +1,4 @@
-"""The job of one clip, which a worker does without access to files, and its result."""
+"""The job of retargeting one clip, which a worker does without access to files, and its result."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 from distretarget.report.page import VERSION
 
-TIME_LIMITS = (0.001, 1e6)  # the shortest and the longest [s]
+TIME_LIMITS = (0.001, 1e6)  # bounds of a job's time limit [s]
 
 Output = bytes | Animation
 
@@ -38,14 +38,14 @@ class Job:
     """A clip to retarget."""
 
     source: InputFile
-    target: bytes  # a `TargetFile`, pickled, so that a worker unpacks it once for all clips
+    target: bytes  # a pickled `TargetFile`, which a worker unpickles once for all clips
     recipe: Recipe
-    record: BatchRecord  # what is recorded of the clip while it is not done
-    outputs: tuple[str, ...]  # the paths of the results in the folder of results, that of `record` first
+    record: BatchRecord  # the record of the clip before it is done
+    outputs: tuple[str, ...]  # paths of the results in the folder of results, the one in `record` first
     contacts: ContactList = NO_CONTACTS
-    about: About | None = None  # what its report says; None for no report
-    time_limit: float | None = None  # after which its process is ended [s]
-    threads: int | None = None  # of a long clip, which would keep one core busy when all others are done
+    about: About | None = None  # for its report; None for no report
+    time_limit: float | None = None  # after which the process is killed [s]
+    threads: int | None = None  # for a long clip, which one core alone would finish after all others
 
     def failed(self, reason: str) -> Result:
         """Return the result of a clip that failed; the reason names the file."""
@@ -54,9 +54,8 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a job: the clip's record and, if it is done, the content of its outputs and the HTML of its report.
-
-    Of an output that is a character's file it has the animation alone.
+    """The result of a job: the record of the clip and, if done, the contents of its outputs by path, of character files
+    only the animation, and the HTML of its report.
     """
 
     record: BatchRecord
@@ -66,13 +65,13 @@ class Result:
 
 @lru_cache(maxsize=4)
 def target_of_job(target: bytes) -> TargetFile:
-    """Return the target of a job."""
+    """Return the target of a job, unpickled and cached."""
     file: TargetFile = pickle.loads(target)
     return file
 
 
 def run(job: Job) -> Result:
-    """Retarget a clip; the result has the error, if any."""
+    """Retarget a clip; an error is recorded in the result."""
     started = time.perf_counter()
     path = job.source.path
     if job.record["version"] != VERSION:

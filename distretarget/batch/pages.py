@@ -1,4 +1,4 @@
-"""What is made of a batch as a whole: tables, CSV or Parquet, the page over all clips, and reports on single ones."""
+"""Write the tables of a batch, CSV or Parquet, the page about all clips, and the reports on single ones."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ TABLES = (".csv", ".parquet")
 TEXTS = ("output", "status", "input", "target", "verdict", "warnings", "error")
 HASHES = ("input_hash", "target_hash", "output_hash", "version")
 TABLE = (*TEXTS, "frames", *HASHES, "notes", *COLUMNS)  # the columns
-TABLE_HEAD = ",".join(TEXTS)  # the beginning of a CSV file
-PARQUET_MARK = b"distretarget_version"  # in the metadata of a Parquet file
-PARQUET_TAIL = 1 << 18  # the end of a Parquet file that has its metadata [bytes]
-BETWEEN = " | "  # warnings of a clip, and notes
+TABLE_HEAD = ",".join(TEXTS)  # the beginning of a CSV file that a batch wrote
+PARQUET_MARK = b"distretarget_version"  # key in the metadata of a Parquet file that a batch wrote
+PARQUET_TAIL = 1 << 18  # size of the end of a Parquet file in which its metadata is [bytes]
+SEPARATOR = " | "  # between the warnings, or notes, of a clip
 MARK = '<meta name="generator" content="distretarget">'
-OF = '<meta name="output" content="{}">'  # the hash of the output that a report is on
-PLAYED = 24  # clips that the page over all clips plays
-MARKED_WITHIN = 4096  # characters at the beginning of a page that may have MARK and OF
+OUTPUT_MARK = '<meta name="output" content="{}">'  # with the hash of the output that a report is about
+PLAYED = 24  # clips in the player of the page about all clips
+HEAD = 4096  # the first characters of a page, in which MARK and OUTPUT_MARK are looked for
 
 
 def is_parquet(path: Path) -> bool:
@@ -53,15 +53,15 @@ def check_table(path: Path) -> None:
 
 
 def table(path: Path, records: Iterable[BatchRecord]) -> bytes | Iterator[str]:
-    """Return the content of a table of records, in their order; that of CSV in parts."""
+    """Return the content of a table with a row for each record; CSV in parts."""
     rows = map(_row, records)
     return _parquet(rows) if is_parquet(path) else csv_lines(TABLE, rows)
 
 
 def _row(record: BatchRecord) -> dict[str, Any]:
-    """The row of a clip, by column; None for what it does not have."""
+    """The row of a clip by column; None for missing values."""
     texts = {name: record.get(name) or None for name in (*TEXTS, *HASHES)}
-    lists = {name: BETWEEN.join(record[name]) or None for name in ("warnings", "notes")}
+    lists = {name: SEPARATOR.join(record[name]) or None for name in ("warnings", "notes")}
     metrics = {name: number if number is None else float(f"{number:.7g}") for name, number in record["metrics"].items()}
     return {**texts, "frames": record["frames"], **lists, **metrics}
 
@@ -90,11 +90,11 @@ class Pages:
     """The pages and the table of a batch."""
 
     results: Results
-    about: Callable[[PurePath, PurePath], About]  # what a report says of a clip, from its path and that of its result
-    index: Path | None = None  # the page over all clips; None for no pages
-    reports: int | None = None  # how many clips get a report beside it, the worst first; None for all
+    about: Callable[[PurePath, PurePath], About]  # for the report on a clip, from its path and its result's
+    index: Path | None = None  # the page about all clips; None for no pages
+    reports: int | None = None  # how many clips, the worst first, get a report beside it; None for all
     table: Path | None = None  # of all clips, .csv or .parquet
-    problems: dict[Path, FileError] = field(default_factory=dict)  # why a report could not be written, by its path
+    problems: dict[Path, FileError] = field(default_factory=dict)  # errors of reports that were not written, by path
 
     def check(self, clips: Sequence[PlannedClip], map_path: str | Path) -> None:
         """Raise a BatchError or FileError if page or table cannot be written, or would replace a file of the batch."""
@@ -103,39 +103,39 @@ class Pages:
         for path in filter(None, (self.index, self.table)):
             check_page(path, clips, self.results.folder, map_path)
         for path in filter(None, (self.results.folder / METRICS, self.index, self.table)):
-            above = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
-            if above == path:
+            existing = next(each for each in (path, *path.absolute().parents) if os.path.lexists(each))
+            if existing == path:
                 check_writable(path, self.results.overwrite or self._is_own(path))
-            elif not is_folder(above) or not os.access(above, os.W_OK | os.X_OK):
-                raise FileError(path, f"nothing can be written to {str(above)!r}")
+            elif not is_folder(existing) or not os.access(existing, os.W_OK | os.X_OK):
+                raise FileError(path, f"nothing can be written to {str(existing)!r}")
 
     def about_at_once(self, clip: PlannedClip) -> About | None:
-        """What the report on a clip says, if all clips get one; they are made as clips are retargeted."""
+        """Return the `About` for a clip's report if all clips get one, made together with its result; else None."""
         return self.about(clip.path, PurePath(clip.output)) if self.index and self.reports is None else None
 
     def without_report(self, records: Sequence[BatchRecord]) -> Iterator[str]:
-        """Yield the outputs that are to get a report, and have none on their present content."""
+        """Yield the outputs that should have a report, but have none on their present content."""
         for record in _worst_done(records)[: self.reports] if self.index else ():
             if not self._has_report(record) and self._report_path(record["output"]) not in self.problems:
                 yield record["output"]
 
     def write_report(self, record: BatchRecord, report: str) -> None:
-        """Write the report on a clip, if any, or remember why that failed."""
+        """Write the report on a clip, if not empty; an error goes to `problems`."""
         path = self._report_path(record["output"])
         try:
             if report and self.index:
                 check_inside(path, self.index.parent)
-                self._write(path, report.replace(MARK, MARK + OF.format(record["output_hash"]), 1))
+                self._write(path, report.replace(MARK, MARK + OUTPUT_MARK.format(record["output_hash"]), 1))
         except FileError as error:
             self.problems[path] = error
 
     def write(self, records: Sequence[BatchRecord]) -> None:
-        """Write the table of all clips in the folder of results, and of the clips with these records, which are sorted,
-        a table and the page; a FileError if that fails.
+        """Write the table of all clips in the folder of results, and a table and the page about the clips with these
+        records, which are sorted; a FileError if that fails.
         """
         metrics, database = self.results.folder / METRICS, self.results.database
         check_inside(metrics, self.results.folder)
-        with database.untold() as has_news:  # no other run, which has seen less, writes its table later
+        with database.tabulating() as has_news:  # locks out other runs, whose table might have fewer records
             if has_news or not metrics.exists():
                 self._write(metrics, table(metrics, database.latest()))
         if self.table:
@@ -149,7 +149,7 @@ class Pages:
 
     def _write(self, path: Path, content: Content) -> None:
         make_folder(path.parent)
-        with self.results.database.transaction():  # the later of two runs replaces the page of the other
+        with self.results.database.transaction():  # of two runs, the later one replaces the page of the other
             write_whole(path, content, self.results.overwrite or self._is_own(path))
 
     def _is_own(self, path: Path) -> bool:
@@ -164,7 +164,7 @@ class Pages:
 
     def _has_report(self, record: BatchRecord) -> bool:
         """Whether a clip has a report on its present output, not on an earlier one."""
-        return OF.format(record["output_hash"]) in _head(self._report_path(record["output"]))
+        return OUTPUT_MARK.format(record["output_hash"]) in _head(self._report_path(record["output"]))
 
 
 def _worst_done(records: Iterable[BatchRecord]) -> list[BatchRecord]:
@@ -174,7 +174,7 @@ def _worst_done(records: Iterable[BatchRecord]) -> list[BatchRecord]:
 
 
 def _stages(records: Sequence[BatchRecord], folder: Path) -> Iterator[tuple[str, object]]:
-    """Yield what the page plays, by output: the worst clips, first those with warnings, whose files can be read."""
+    """Yield outputs with the scene that the page plays: the worst clips that can be read, those with warnings first."""
     for record in sorted(_worst_done(records), key=lambda record: not record["warnings"])[:PLAYED]:
         with suppress(DistretargetError):
             files = load_file(record["input"]), load_file(folder / record["output"])
@@ -182,11 +182,11 @@ def _stages(records: Sequence[BatchRecord], folder: Path) -> Iterator[tuple[str,
 
 
 def _head(path: Path) -> str:
-    """The beginning of a text file; empty if it cannot be read, which writing it will report."""
+    """The beginning of a text file; empty if it cannot be read: writing it will then report the error."""
     with suppress(OSError):
         if path.is_file():
             with path.open(encoding="utf-8", errors="replace") as file:
-                return file.read(MARKED_WITHIN)
+                return file.read(HEAD)
     return ""
 
 

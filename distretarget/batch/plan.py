@@ -1,4 +1,4 @@
-"""The plan of a batch: which files are clips, which targets they go to, and where their results belong."""
+"""Plan a batch: find the clips, and give each of them its targets and the paths of its results."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ class PlannedClip:
 
     path: Path  # of the clip's file
     target: TargetFile
-    outputs: tuple[str, ...]  # paths of the results in the folder of results, with slashes; suffixes say what they are
+    outputs: tuple[str, ...]  # paths of the results in the folder of results, with slashes; the suffix is the format
     size: int  # of the clip's file [bytes]; 0 if it cannot be read
-    animation: str | None = None  # which of several in the file, such as "#2"
+    animation: str | None = None  # one of several in the file, such as "#2"
 
     @property
     def output(self) -> str:
-        """The first result, which stands for all of them."""
+        """The first result, which identifies the clip."""
         return self.outputs[0]
 
 
@@ -46,17 +46,16 @@ def find_clips(
     exclude: Sequence[str] = (),
     arrays: bool = False,
 ) -> tuple[list[tuple[Path, PurePath]], list[FileError]]:
-    """Find the clips in files and folders: their paths, each with the place of its result in the folder of results; and
+    """Return the clips in files and folders, (path, path of the result in the folder of results, without suffix), and
     the errors of files and folders that cannot be searched.
 
-    In folders, files named *.bvh, *.glb, *.gltf, *.vrma and *.fbx are clips, with `arrays` *.npz and *.npy too, except
-    hidden ones and those in folders of scenes, which have a scene.json.
-    Links are followed, but not in circles. Results keep the tree of a folder; with several sources, each folder's tree
-    goes below the folder's name. Results of files in `sources` go to the top, those of `listed` files to their places
-    below the deepest folder that contains them all.
+    In folders, files named *.bvh, *.glb, *.gltf, *.vrma and *.fbx are clips, with `arrays` also *.npz and *.npy, except
+    hidden files and those of scenes, in folders with a scene.json. Links are followed, except in loops. Results keep
+    the tree of a folder; with several sources, below the folder's name. Results of files in `sources` go to the top;
+    those of `listed` files keep their tree below the deepest folder that contains them all.
 
     `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
-    Patterns that end in / or have no wildcards match names and paths of folders as well.
+    Patterns that end in / or have no wildcards also match names and paths of folders.
     """
     clips: list[tuple[Path, PurePath]] = []
     unread: list[FileError] = []
@@ -85,10 +84,9 @@ def plan(
 ) -> list[PlannedClip]:
     """Plan to retarget every clip found to every target, the largest clips first.
 
-    Results go into `folder`; with several targets, each target has a folder in it. `kinds` are what they are, such as
-    "glb" and "npz"; by default, and for "own", characters get their motions in files of their own kind, and all other
-    targets BVH. A glTF file with several animations is as many clips, in a folder of their own, unless `animation`
-    names one.
+    Results go into `folder`, with several targets into a folder for each. `kinds` are their formats, such as "glb" and
+    "npz"; "own", the default, is the target's if it is glTF, else BVH. A file with several animations becomes a folder
+    with a clip for each, unless `animation` names one.
 
     Raises:
         BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
@@ -99,7 +97,7 @@ def plan(
             raise BatchError(
                 f"{folder}: is inside {source}, whose clips are to be converted; choose a folder elsewhere with -o"
             )
-    paths = [Path(target.path) for target in targets]  # of `...json` the stem is `..`, and its whole name is taken
+    paths = [Path(target.path) for target in targets]  # the stem of `...json` is `..`: then the whole name is used
     names = [path.stem if path.stem.strip(".") else path.name for path in paths] if len(targets) > 1 else [""]
     parts = [
         (path, place / name, number)
@@ -134,7 +132,9 @@ def plan(
 
 
 def animations_of(path: Path) -> dict[str | None, str]:
-    """Return the animations of a file, such as "#2", each with a name for its result; None for the only one."""
+    """Return the animations of a file, such as "#2", with a file name for each result; {None: ""} if there are none or
+    one.
+    """
     names, named = tuple[str, ...](), format_of_name(path)
     if named and named.has_characters:
         with suppress(DistretargetError):  # reading the clip will report it
@@ -148,7 +148,7 @@ def animations_of(path: Path) -> dict[str | None, str]:
 
 
 def check_page(page: Path, clips: Sequence[PlannedClip], folder: Path, map_path: str | Path) -> None:
-    """Raise a BatchError if a page or table on all clips would replace an input or a file of the batch in `folder`."""
+    """Raise a BatchError if a page or table about all clips would replace an input or a file of the batch."""
     written = {
         folder.resolve() / name for name in (DATABASE, METRICS, *(each for clip in clips for each in clip.outputs))
     }
@@ -157,7 +157,7 @@ def check_page(page: Path, clips: Sequence[PlannedClip], folder: Path, map_path:
 
 
 def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str]) -> Iterator[PurePath]:
-    """The paths of the files in the tree of a folder with some suffixes, relative to it."""
+    """Yield the paths, relative to a folder, of the files below it with these suffixes; errors go to `unread`."""
 
     def refuse(error: OSError) -> None:
         unread.append(FileError(error.filename, reason_of(error)))
@@ -171,7 +171,7 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
             is_clip = path.suffix.lower() in suffixes
             try:
                 is_regular = stat.S_ISREG(path.stat().st_mode)
-            except OSError as error:  # a link to nothing, to itself, or to a folder without permission
+            except OSError as error:  # a dangling link, a loop, or a link to a folder without permission
                 is_regular = True  # reading the clip will report the error
                 if not is_clip and not isinstance(error, FileNotFoundError):
                     refuse(error)
@@ -182,15 +182,12 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
 
 
 def _leads_back(path: Path, folder: Path) -> bool:
-    """Whether a path below a folder is a link to a folder above it, which may be above that folder too."""
-    if not path.is_symlink():
-        return False
-    above = (*path.parents, *folder.resolve().parents)
-    return any(path.samefile(each) for each in above)
+    """Whether a path below a folder is a link to one of its ancestors, inside or above that folder."""
+    return path.is_symlink() and any(path.samefile(each) for each in (*path.parents, *folder.resolve().parents))
 
 
 def _result(place: PurePath) -> PurePath:
-    """The place of the result of a clip, without suffix."""
+    """The path of a clip's result, without suffix."""
     return place.with_suffix("") if place.suffix.lower() in MOTION_SUFFIXES + ARRAYS.others else place
 
 

@@ -16,15 +16,15 @@ from distretarget.batch.plan import PlannedClip
 from distretarget.measure.metrics import COLUMNS
 from distretarget.report.page import VERSION, ClipRecord
 
-made_from = itemgetter("input_hash", "target_hash", "options", "version")  # what determines a result
-# The keys of the parts of a record, with their defaults.
+made_from = itemgetter("input_hash", "target_hash", "options", "version")  # the values that determine a result
+# Keys and defaults of the parts of a packed record.
 SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}
 RIG: dict[str, Any] = {"notes": [], "alignment": ""}
 CLIP: dict[str, Any] = dict.fromkeys(("input", "output", "status", "error", "input_hash", "output_hash", "verdict"), "")
 CLIP |= {"frames": 0, "seconds": 0.0, "others": {}, "warnings": []}
-MOST_BYTES = 1 << 24  # of what is unpacked; a longer record is damaged
-MOST = 1e15  # of frames, or seconds
-WORDS = (  # what most parts contain, the dictionary of their compression
+MOST_BYTES = 1 << 24  # of an unpacked part; a longer one is damaged
+MOST = 1e15  # frames, or seconds
+WORDS = (  # the preset dictionary of the compression: texts that most parts contain
     b'"error":"others":{"warnings":["feet skate no more than in the source; "seconds":0.0,"frames":"verdict":"'
     b"There are no self-contacts to keep; feet do not skate; hips height kept within 0.1 % of a leg; largest direction "
     b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
@@ -34,18 +34,18 @@ Packed = tuple[str, str, bytes, bytes]
 
 
 class BatchRecord(ClipRecord):
-    """What became of a clip. Hashes of files are "sha256:" and hexadecimal digits.
+    """The outcome of a clip. Hashes of files are "sha256:" and hexadecimal digits.
 
     Attributes:
         input_hash: of the clip's file; empty if it could not be read.
         output_hash: of the result; empty if there is none.
-        others: the hashes of the other results, by their paths in the folder of results.
+        others: the hashes of the other results by their paths in the folder of results.
         target_hash: of the target's file.
-        options: what else decides the result, as `Recipe.settings` says it.
+        options: all settings that influence the result, see `Recipe.settings`.
         version: of the program.
-        verdict: on the result, in a sentence.
-        notes: joints of the target without a counterpart, in a line, and which readers refuse the result.
-        alignment: of the two bodies, as `alignment_text` has it.
+        verdict: on the result, a sentence.
+        notes: joints of the target without a source, and which programs cannot read the result, a line each.
+        alignment: of the two bodies, see `alignment_text`.
     """
 
     input_hash: str
@@ -60,22 +60,22 @@ class BatchRecord(ClipRecord):
 
 
 def new_record(clip: PlannedClip, options: Mapping[str, Any], input_hash: str = "") -> BatchRecord:
-    """Return the record of a clip that is not done: failed, without a reason; `options` decide its results."""
+    """Return the record of a clip before it is done, with the status "failed" and no error."""
     paths = {"input": str(clip.path), "output": clip.output, "target": str(clip.target.path), "input_hash": input_hash}
     target_hash = clip.target.file.hash if clip.target.file else ""
     made_by = {"target_hash": target_hash, "options": dict(options), "version": VERSION}
-    empty = deepcopy(SETTINGS | RIG | CLIP)  # a record shares no list with another
+    empty = deepcopy(SETTINGS | RIG | CLIP)  # records must not share lists
     return cast(BatchRecord, empty | {"metrics": {}, "status": "failed"} | paths | made_by)
 
 
 def results_of(record: BatchRecord) -> dict[str, str]:
-    """Return the hashes of all results of a clip, by their paths in the folder of results."""
+    """Return the hashes of all results of a clip by their paths in the folder of results."""
     return {record["output"]: record["output_hash"], **record["others"]}
 
 
 def packed(record: BatchRecord) -> Packed:
-    """Pack a record in four parts: settings, and notes on the rig, as JSON, since many clips share them; all else that
-    is not empty, compressed; and the metrics as float32, nan where nothing was measured.
+    """Pack a record in four parts: the settings, and the values that depend on the rig, as JSON that many clips share;
+    the other values that are not empty, compressed; the metrics as float32, nan if not measured, compressed.
     """
     values = cast(dict[str, Any], record)
     settings = json.dumps({**{key: values[key] for key in SETTINGS}, "columns": [*COLUMNS]})
@@ -112,22 +112,22 @@ def _shared(settings: str, rig: str) -> Mapping[str, Any]:
 def _checked(found: object, empty: Mapping[str, Any]) -> dict[str, Any]:
     """The values of a part, completed by defaults; a ValueError if one has the wrong type or is out of bounds."""
     values = {**empty, **found} if isinstance(found, dict) else {}
-    for key, usual in empty.items():
+    for key, default in empty.items():
         value: Any = values.get(key)
-        if isinstance(usual, int | float):
-            is_sound = isinstance(value, int | float) and 0 <= value <= MOST
+        if isinstance(default, int | float):
+            is_valid = isinstance(value, int | float) and 0 <= value <= MOST
         else:
             texts = [*value.values()] if key == "others" and isinstance(value, dict) else value
             is_text = not isinstance(texts, list) or all(isinstance(each, str) for each in texts)
-            is_sound = type(value) is type(usual) and is_text
-        if not is_sound:
+            is_valid = type(value) is type(default) and is_text
+        if not is_valid:
             raise ValueError(f"{key} cannot be {value!r}")
     return values
 
 
 def packed_part(content: bytes) -> bytes:
-    """Return the content of a part in few bytes."""
-    pack = zlib.compressobj(9, wbits=-zlib.MAX_WBITS, zdict=WORDS)  # without a header of six bytes
+    """Return the content of a part, compressed."""
+    pack = zlib.compressobj(9, wbits=-zlib.MAX_WBITS, zdict=WORDS)  # raw: saves a header of six bytes
     return pack.compress(content) + pack.flush()
 
 

@@ -1,8 +1,8 @@
-"""The folder of results: its database, what is done in it, and how results become files or animations of one.
+"""The folder of results: its database, which results in it are done, and how they are written or merged into one file.
 
-What a clip became is recorded just before its result is put in place. So a result whose hash is recorded is whole, and
-a batch made it; if it is missing, the run was interrupted between the two, and the clip is retargeted again. Several
-runs may share the database, one SQLite file.
+The outcome of a clip is recorded just before its result is written. So a result whose hash is recorded is complete, and
+a batch made it; if the result is missing, the run was interrupted between the two, and the clip is retargeted again.
+Several runs may share the database, one SQLite file.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ INSERT = (
     "INSERT INTO clips VALUES (?1, (SELECT ifnull(max(number), 0) + 1 FROM clips WHERE place = ?1), "
     "(SELECT id FROM texts WHERE text = ?2), (SELECT id FROM texts WHERE text = ?3), ?4, ?5)"
 )
-LONGEST_WAIT = 300.0  # for another run that writes; the longest is a table of all clips [s]
+LONGEST_WAIT = 300.0  # for another run's transaction; the longest ones write a table of all clips [s]
 REASONS = {
     sqlite3.SQLITE_BUSY: f"another run has been writing for more than {LONGEST_WAIT:g} s; run this again",
     sqlite3.SQLITE_FULL: "the disk is full",
@@ -55,7 +55,7 @@ REASONS = {
 
 
 class Database:
-    """The database in a folder of results; the newest record of a clip counts."""
+    """The database in a folder of results, in which the newest record of a clip is the valid one."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
         """Open the database of a folder; unless `read_only`, make both if they do not exist.
@@ -80,7 +80,7 @@ class Database:
             if self._schema != SCHEMA:
                 self._refuse()
             self._do("PRAGMA journal_mode = WAL")
-            self._do("PRAGMA synchronous = NORMAL")  # what a power cut takes is made again, and found to be there
+            self._do("PRAGMA synchronous = NORMAL")  # records that a power cut loses are made again
 
     @property
     def _schema(self) -> list[str]:
@@ -94,18 +94,18 @@ class Database:
 
     @contextmanager
     def _named_errors(self) -> Iterator[None]:
-        """Raise an error of SQLite as one of the file."""
+        """Turn errors of SQLite into FileErrors."""
         try:
             yield
         except sqlite3.Error as error:
-            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # without what is said beyond it
+            code = getattr(error, "sqlite_errorcode", sqlite3.SQLITE_ERROR) & 0xFF  # the primary result code
             if code == sqlite3.SQLITE_NOTADB:
                 self._refuse()
             raise FileError(self.path, REASONS.get(code, str(error))) from error
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Keep other runs from writing; write all that the block does or, if it raises an error, nothing of it.
+        """Keep other runs from writing, and commit the block's changes, or if it raises an error none of them.
 
         Raises:
             FileError: the database cannot be written.
@@ -130,7 +130,7 @@ class Database:
             self._connection.close()
 
     def claim(self, output: str) -> bool:
-        """Claim an output for this run; return False if another run, alive or killed, has claimed it already."""
+        """Claim an output for this run; return False if another run, alive or killed, has already claimed it."""
         with self._named_errors():
             return self._do("INSERT OR IGNORE INTO claims VALUES (?, ?)", _bytes(output), self._run).rowcount > 0
 
@@ -140,7 +140,7 @@ class Database:
             self._do("DELETE FROM claims WHERE output = ?", _bytes(output))
 
     def records(self, output: str) -> list[BatchRecord]:
-        """Return what is recorded of an output and of other kinds of results at its place, the newest first."""
+        """Return the records of outputs with this path, except for the suffix, the newest first."""
         return [record for _, record in self._numbered(output)]
 
     def _numbered(self, output: str) -> list[tuple[int, BatchRecord]]:
@@ -149,7 +149,7 @@ class Database:
             return [(number, self._unpacked(*parts)) for _, number, *parts in rows]
 
     def latest(self) -> Iterator[BatchRecord]:
-        """Yield the newest record of each clip, those of other runs as well, sorted by place."""
+        """Yield the newest record of each clip, of all runs, sorted by path."""
         with self._named_errors():
             for _, rows in groupby(self._do(f"{SELECT} ORDER BY place, number"), lambda row: row[0]):
                 records = (self._unpacked(*parts) for _, _, *parts in rows)
@@ -162,8 +162,8 @@ class Database:
             raise FileError(self.path, REASONS[sqlite3.SQLITE_CORRUPT]) from error
 
     def add(self, record: BatchRecord, there: Collection[str | None] = ()) -> None:
-        """Record what a clip became. Of its earlier records only those remain of which a result is still there, by the
-        hashes of the files in the places of its results.
+        """Add the record of a clip and delete its earlier ones, except records of results that still exist; `there` has
+        the hashes of the files at the paths of its results.
 
         Raises:
             FileError: the database cannot be written; then nothing has changed.
@@ -181,16 +181,16 @@ class Database:
             self._do(INSERT, _place(record["output"]), *parts)
 
     @contextmanager
-    def untold(self) -> Iterator[bool]:
-        """A transaction that tells whether records were added since the last such block that ended without an error."""
+    def tabulating(self) -> Iterator[bool]:
+        """A transaction in which a table of all records is written; True if records were added since the last one."""
         with self.transaction():
-            ((is_told,),) = self._do("PRAGMA user_version")
-            yield not is_told
-            if not is_told:
+            ((is_current,),) = self._do("PRAGMA user_version")
+            yield not is_current
+            if not is_current:
                 self._do("PRAGMA user_version = 1")
 
     def confirm(self, record: BatchRecord) -> None:
-        """Make a record the newest of its output, if another is."""
+        """Make a record the newest of its output, unless it is."""
         output, results = record["output"], results_of(record)
         newest = next((each for each in self.records(output) if each["output"] == output), None)
         if newest is None or results_of(newest) != results:
@@ -202,7 +202,7 @@ def _bytes(name: str) -> bytes:
 
 
 def _place(output: str) -> bytes:
-    """The path of a result without its suffix, which all kinds of results of a clip have."""
+    """The path of a result without its suffix, which all results of a clip share."""
     return _bytes(output.rpartition(".")[0])
 
 
@@ -211,21 +211,21 @@ class Results:
     """A folder of results."""
 
     folder: Path
-    overwrite: bool = False  # whether to make again what is done, and to replace files that no batch made
-    read_only: bool = False  # whether nothing is to be written, not even a database
+    overwrite: bool = False  # whether to make all results again, and to replace files that no batch made
+    read_only: bool = False  # whether to write nothing, not even a database
 
     @cached_property
     def database(self) -> Database:
         """The database; unless `read_only`, the first use makes folder and database."""
         database = Database(self.folder, self.read_only)
         if not self.read_only:
-            with database.transaction():  # no other run has a file half written
+            with database.transaction():  # no other run is writing a file now
                 _remove_temporary_files(self.folder)
         return database
 
     def known(self, record: BatchRecord, outputs: Sequence[str]) -> BatchRecord | None:
-        """Return the record of the results that are in place, and make it the clip's newest, if they were made from the
-        same files with the same settings as `record` has; else None.
+        """Return the record of the existing results, and make it the clip's newest, if they were made from the files
+        and settings in `record`; else None.
         """
         hashes = [(name, hash_of_file(self.folder / name)) for name in outputs] if not self.overwrite else []
         if not hashes or not all(each for _, each in hashes):
@@ -239,8 +239,8 @@ class Results:
         return None
 
     def check_replaceable(self, record: BatchRecord, name: str) -> None:
-        """Raise a FileError if a result may replace the file at its path in the folder only with --overwrite: no batch
-        made it, or one from another clip or target.
+        """Raise a FileError if replacing the file at a result's path needs --overwrite: no batch made it, or it is the
+        result of another clip or target.
         """
         path = self.folder / name
         if self.overwrite or not os.path.lexists(path):
@@ -254,14 +254,14 @@ class Results:
             raise FileError(path, f"is the result of {made['input']} onto {made['target']}; --overwrite replaces it")
 
     def add(self, record: BatchRecord, outputs: Sequence[str]) -> None:
-        """Record what a clip became, whose results are to be at these paths; a FileError if that fails."""
+        """Add the record of a clip whose results belong to these paths; a FileError if that fails."""
         self.database.add(record, {hash_of_file(self.folder / name) for name in outputs} - {None})
 
     def put(self, record: BatchRecord, contents: Mapping[str, Parts]) -> BatchRecord:
-        """Put the results of a clip, by their paths in the folder, in place, the first one last, and return its record.
+        """Write the results of a clip, by their paths in the folder, the first one last, and return its record.
 
         Raises:
-            FileError: a result cannot be written; then the first one is as before.
+            FileError: a result cannot be written; then the first one is unchanged.
         """
         first, *others = contents
         hashes = {name: hash_of(*parts) for name, parts in contents.items()}
@@ -269,7 +269,7 @@ class Results:
         for name in contents:
             check_inside(self.folder / name, self.folder)
         make_folder((self.folder / first).parent)
-        self.add(record, [*contents])  # so that the next run knows its own results if this one is killed before the end
+        self.add(record, [*contents])  # before writing: if this run is killed, the next one recognises the results
         with self.database.transaction():
             for name in (*others, first):
                 if hash_of_file(self.folder / name) != hashes[name]:  # else another run was faster
@@ -280,7 +280,7 @@ class Results:
 
 
 def _remove_temporary_files(folder: Path) -> None:
-    """Remove temporary files, but not in folders of results inside this one, which other runs may be writing to."""
+    """Remove temporary files, but not in nested folders of results, which other runs may be writing to."""
     for inside, folders, files in os.walk(folder):
         if Path(inside) != folder and DATABASE in files:
             folders.clear()
@@ -299,8 +299,8 @@ def _is_other(recorded: str, path: str) -> bool:
 
 
 def clips_folder(path: Path) -> Path:
-    """Return the folder beside a file that keeps its clips as BVH until the file is written, so that an interrupted run
-    continues where it stopped.
+    """Return the folder beside a merged file that has its clips as BVH until the file is written, so that an
+    interrupted run continues where it stopped.
     """
     return path.with_name(f"{path.name}.clips")
 
@@ -308,10 +308,10 @@ def clips_folder(path: Path) -> Path:
 def write_merged(
     path: Path, target: TargetFile, clips: Sequence[PlannedClip], settings: OutputSettings, overwrite: bool
 ) -> int:
-    """Write the character file with an animation for each clip that is done, in the order of their names, and return
-    how many; if all are done, the folder of clips goes, and the table of their metrics stays beside the file.
+    """Write a character file with an animation for each clip that is done, sorted by name; return their number. If all
+    are done, the folder of clips is deleted, and the table of their metrics is moved beside the file.
 
-    An animation has its clip's name, or in a tree of folders its path in it.
+    An animation has its clip's name, in a tree of folders its path.
 
     Raises:
         DistretargetError: the file cannot be written.

@@ -1,8 +1,8 @@
-"""What is said of a run: how many clips are done, which are the worst, which failed and why; and how far the alignments
-of clips of one rig with one target differ, which should be the same.
+"""The summary of a run: numbers of clips, the worst ones, the failures; and the spread of alignments of one rig with
+one target, which should be equal in all clips.
 
-Where a person cannot stand in a rig's rest pose, its motion decides how its joints are aligned with another rig's, and
-what head, hands and feet do in a clip may become part of the alignment.
+If the rest pose of a rig is not a standing one, each clip's motion decides how its joints are aligned with the
+target's, and the posture of head, hands and feet in the clip may get into the alignment.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ from distretarget.measure.verdict import faults
 from distretarget.numerics.vectors import Array, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-LISTED = 20  # most clips listed as failed
-LOOK_AT = 10  # most clips listed as those to look at
-MOST_REASONS = 2  # most reasons to look at a clip
+LISTED = 20  # limit of the clips listed as failed
+LOOK_AT = 10  # limit of the clips listed as worth a look
+MOST_REASONS = 2  # limit of the reasons given for each of these
 SPREAD_ROLES = ("hips", "chest", "neck", "head", *(side + part for side in SIDES for part in (*ARM, *LEG)))
-MOST_SPREAD = 8.0  # of the alignments of clips of one rig [degrees]
-SCALE = 32767.0  # of quaternions as whole numbers
+MOST_SPREAD = 8.0  # accepted difference between the alignments of clips of one rig [degrees]
+SCALE = 32767.0  # of quaternions stored as int16
 
 
 @dataclass(kw_only=True)
 class Tally:
-    """Count the clips of a run by outcome, and remember the worst and the failures.
+    """The number of clips in a run by outcome, the worst clips and the failures.
 
     Attributes:
         clips: clips in the run.
@@ -46,9 +46,9 @@ class Tally:
         failed: clips that could not be retargeted.
         warned: clips that are done and have warnings.
         frames: frames retargeted.
-        workers: processes that did so.
-        seconds: the time that took, without the start of the processes [s].
-        alignments: what is to be said of the alignments of clips of one rig, a line each.
+        workers: processes used.
+        seconds: the time taken, without the start of the processes [s].
+        alignments: warnings about alignments that differ, a line each.
     """
 
     clips: int
@@ -60,7 +60,7 @@ class Tally:
     workers: int = 1
     seconds: float = 0.0
     alignments: Sequence[str] = ()
-    _look_at: list[tuple[float, str]] = field(default_factory=list)  # how bad each clip is, and why
+    _look_at: list[tuple[float, str]] = field(default_factory=list)  # of clips with warnings, see `_severity`
     _failures: list[str] = field(default_factory=list)
 
     def add(self, record: BatchRecord | None) -> None:
@@ -72,7 +72,7 @@ class Tally:
             self.frames += record["frames"]
             if record["warnings"]:
                 self.warned += 1
-                self._look_at = sorted([*self._look_at, _why(record)], reverse=True)[:LOOK_AT]
+                self._look_at = sorted([*self._look_at, _severity(record)], reverse=True)[:LOOK_AT]
         else:
             self.failed += 1
             if self.failed <= LISTED:
@@ -98,22 +98,22 @@ class Tally:
 
     @property
     def failures(self) -> list[str]:
-        """Which clips failed, and why."""
+        """The lines on clips that failed, and why."""
         more = self.failed - len(self._failures)
         last = [f"  and {more} more; metrics.csv has them all"] if more else []
         return ["failed:", *self._failures, *last] if self.failed else []
 
 
-def _why(record: BatchRecord) -> tuple[float, str]:
-    """How many times its worst limit a clip is off, 0 within all limits, and why to look at it."""
+def _severity(record: BatchRecord) -> tuple[float, str]:
+    """The largest ratio of a clip's metrics to their limits, 0 if all are within, and the line on it."""
     found = faults(of_columns(record["metrics"]))
-    words = "; ".join(words for _, words in found[:MOST_REASONS]) or record["warnings"][0]
-    return found[0][0] if found else 0.0, f"  {record['output']}: {words}"
+    reasons = "; ".join(reason for _, reason in found[:MOST_REASONS]) or record["warnings"][0]
+    return found[0][0] if found else 0.0, f"  {record['output']}: {reasons}"
 
 
 def alignment_text(matching: Matching) -> str:
-    """Return the alignment of two matched bodies in few characters: a hash of the source's rig, and the rotation of
-    each of `SPREAD_ROLES`; empty unless the target has an anatomy.
+    """Return the alignment of two matched bodies as a short text: a hash of the source's rig, and the rotations of
+    `SPREAD_ROLES`; empty if the target has no anatomy.
     """
     if matching.target.anatomy is None:
         return ""
@@ -122,7 +122,7 @@ def alignment_text(matching: Matching) -> str:
 
 
 def role_rotations(matching: Matching) -> Array:
-    """Return the rotations that align the joints of `SPREAD_ROLES`, (`SPREAD_ROLES`, 4); zero where there is none."""
+    """Return the rotations that align the joints of `SPREAD_ROLES`, (len(SPREAD_ROLES), 4); zero for missing ones."""
     roles = matching.target.roles
     alignment, rotations = rest_alignment(matching)[:, 0], np.zeros((len(SPREAD_ROLES), 4))
     for k, role in enumerate(SPREAD_ROLES):
@@ -132,7 +132,7 @@ def role_rotations(matching: Matching) -> Array:
 
 
 def _rig(skeleton: Skeleton) -> str:
-    """A hash of the names, the tree and the rest pose of a rig, which bodies of several sizes may have."""
+    """A hash of the names, the tree and the rest pose of a rig, independent of bone lengths."""
     directions = np.round(normalised(skeleton.offsets[1:]), 1) + 0.0
     text = json.dumps([skeleton.names, skeleton.parents.tolist(), directions.tolist()])
     return hashlib.sha256(text.encode()).hexdigest()[:12]
@@ -145,8 +145,8 @@ def spread_warnings(records: Iterable[BatchRecord]) -> Iterator[str]:
         rig, _, text = record["alignment"].partition(":")
         rotations = _unpacked(text)
         if rotations is not None:
-            alike = rig, record["target"], record["target_hash"], json.dumps(record["options"])
-            groups[alike].append((record["output"], rotations))
+            key = rig, record["target"], record["target_hash"], json.dumps(record["options"])
+            groups[key].append((record["output"], rotations))
     for (_, target, *_), clips in groups.items():
         angle, role, one, other = largest_spread(np.array([rotations for _, rotations in clips]))
         if angle > MOST_SPREAD:
@@ -158,7 +158,7 @@ def spread_warnings(records: Iterable[BatchRecord]) -> Iterator[str]:
 
 
 def _unpacked(text: str) -> Array | None:
-    """The rotations, (`SPREAD_ROLES`, 4), of an alignment's text; None if it is not one."""
+    """The rotations in an alignment's text, (len(SPREAD_ROLES), 4); None if it is not one."""
     try:
         return np.frombuffer(base64.b64decode(text, validate=True), "<i2").astype(float).reshape(len(SPREAD_ROLES), 4)
     except ValueError:
@@ -166,10 +166,10 @@ def _unpacked(text: str) -> Array | None:
 
 
 def largest_spread(rotations: Array) -> tuple[float, int, int, int]:
-    """Return the largest angle between the rotations of a joint in two clips [degrees], the joint, and the clips.
+    """Return the largest angle found between the rotations of a joint in two clips [degrees], the joint, and the clips.
 
-    `rotations` are quaternions (clips, joints, 4), of any length, zero where unknown. Compared are all clips with the
-    one that is farthest from the first, which finds at least half of the largest angle.
+    `rotations` are quaternions (clips, joints, 4), of any length, zero if unknown. For each joint, all clips are
+    compared with the one farthest from the first, which finds at least half of the largest angle.
     """
     joints = np.arange(rotations.shape[1])
     one = _angles(rotations, rotations[0]).argmax(axis=0)
@@ -179,7 +179,7 @@ def largest_spread(rotations: Array) -> tuple[float, int, int, int]:
 
 
 def _angles(rotations: Array, others: Array) -> Array:
-    """(clips, joints), the angles between rotations, (clips, joints, 4), and others, (joints, 4) [degrees]."""
+    """The angles, (clips, joints), between rotations, (clips, joints, 4), and others, (joints, 4) [degrees]."""
     known = (lengths(rotations) > 0) & (lengths(others) > 0)
     angles = angles_between(rotations, np.broadcast_to(others, rotations.shape))
     return np.asarray(np.where(known, np.degrees(2.0 * np.minimum(angles, np.pi - angles)), 0.0))

@@ -25,24 +25,24 @@ from distretarget.batch.job import Job, Result, run
 from distretarget.errors import BatchError
 from distretarget.numerics.compiled import loaded
 
-# These set the threads of a process: workers have one each, as there is a worker for each core.
+# Number of threads of a process, 1 in workers, since there is a worker for each core.
 THREAD_VARIABLES = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CHECK_INTERVAL = 5.0  # after this time without a result, check whether there are workers [s]
-CONNECT_TIMEOUT = 10.0  # time for a scheduler to answer [s]
-REMINDER = 60.0  # time from one line that there are no workers to the next [s]
-QUEUED = 2  # jobs submitted at a time, running or waiting [jobs per worker]
+CONNECT_TIMEOUT = 10.0  # for a scheduler to answer [s]
+REMINDER = 60.0  # between two lines that say that there are no workers [s]
+QUEUED = 2  # submitted jobs, running or waiting, per worker
 
 
 @contextmanager
 def interrupts_held() -> Iterator[None]:
-    """Delay Ctrl-C and requests to end, in this process and in those that it starts in the block."""
+    """Delay SIGINT, SIGTERM and SIGHUP in this process and in those that it starts in the block."""
     if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
         yield
         return
     received: list[int] = []
     numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     handlers = {number: signal.signal(number, lambda caught, _frame: received.append(caught)) for number in numbers}
-    mask = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # for started processes; other threads are not masked
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, numbers)  # started processes inherit it; other threads do not
     try:
         yield
     finally:
@@ -54,19 +54,19 @@ def interrupts_held() -> Iterator[None]:
 
 
 class Processes:
-    """Processes on this machine: their number, and the time that their start took [s]."""
+    """Worker processes on this machine: their `count`, and the time that their start took, `start_seconds`."""
 
     def __init__(self, count: int) -> None:
         self.count, self.start_seconds = count, 0.0
         self._processes: list[_Process] = []
-        # Not "fork": a process with threads, which numerical libraries start, must not be forked.
+        # Not "fork": numerical libraries start threads, and a process with threads must not be forked.
         methods = multiprocessing.get_all_start_methods()
         self._context: ForkServerContext | SpawnContext = multiprocessing.get_context("spawn")
         if "forkserver" in methods:
             self._context = multiprocessing.get_context("forkserver")
             self._context.set_forkserver_preload(["distretarget.batch.workers"])
             with _worker_environment():
-                resource_tracker.ensure_running()  # before another library starts it in another environment
+                resource_tracker.ensure_running()  # before a library starts it without these variables
 
     def submit(self, job: Job) -> None:
         """Give a clip to the process that has the fewest; a BatchError if none can be started."""
@@ -77,7 +77,7 @@ class Processes:
     def start(self) -> None:
         """Start the processes; a BatchError if they cannot be started."""
         started = time.perf_counter()
-        loaded()  # if it cannot be, every clip would say so
+        loaded()  # raises an error here instead of in every clip
         self._processes += [_Process(self._context) for _ in range(self.count)]
         try:
             for process in self._processes:
@@ -88,7 +88,7 @@ class Processes:
         self.start_seconds += time.perf_counter() - started
 
     def finished(self) -> Iterator[tuple[Job, Result | None]]:
-        """Wait until a clip is finished, and yield those that are, with their results; None if the process died."""
+        """Wait until a clip is finished, and yield all finished jobs with their results, None if the process died."""
         processes = {process.pipe: process for process in self._processes}
         time_left = min(process.time_left for process in self._processes)
         ready = connection.wait(processes, None if time_left == math.inf else max(time_left, 0.0))
@@ -106,7 +106,7 @@ class Processes:
                 yield job, job.failed(f"{job.source.path}: {limit}")
 
     def _replace(self, process: _Process) -> Iterator[Job]:
-        """End a process, let another one do what it has not begun, and yield the job that it was at work on, if any."""
+        """Replace a process by a new one, which gets its waiting jobs, and yield the job that was running, if any."""
         process.kill()
         other = _Process(self._context)
         self._processes[self._processes.index(process)] = other
@@ -123,11 +123,11 @@ class Processes:
 
 
 class _Process:
-    """A process that retargets clips in turn.
+    """A process that retargets clips one after the other.
 
     Attributes:
-        pipe: to it.
-        jobs: that it has; it is at work on the first one.
+        pipe: this end of the connection to the process.
+        jobs: its jobs, of which the first is running.
     """
 
     def __init__(self, context: ForkServerContext | SpawnContext) -> None:
@@ -139,15 +139,15 @@ class _Process:
         its_end.close()
 
     def begin(self, job: Job) -> None:
-        """Give it one more job."""
+        """Add a job."""
         self.jobs.append(job)
         if len(self.jobs) == 1:
             self._began = time.monotonic()
-        with suppress(OSError):  # it has died, which `receive` finds
+        with suppress(OSError):  # the process has died; `receive` finds out
             self.pipe.send(job)
 
     def receive(self) -> Result | None:
-        """Return the result of its first job, or None if it says that it has started; an EOFError or OSError if it has
+        """Return the result of the first job, or None if the process has just started; an EOFError or OSError if it has
         died.
         """
         result: Result | None = self.pipe.recv()
@@ -156,20 +156,20 @@ class _Process:
 
     @property
     def time_left(self) -> float:
-        """The time until its first job is over the limit [s]."""
+        """The time until the first job exceeds its limit [s]."""
         limit = self.jobs[0].time_limit if self.jobs else None
         return math.inf if limit is None else self._began + limit - time.monotonic()
 
     def kill(self) -> None:
-        """End it at once and silently, even while it starts."""
+        """End the process at once, even while it starts."""
         self._process.kill()
         self._process.join()
         self.pipe.close()
 
 
 def _work(pipe: connection.Connection[Result | None, Job], temporary: str) -> None:
-    """Retarget the clips that come through a pipe, until it ends, as its other end does with the parent; then remove
-    temporary files. Ctrl-C is ignored: the parent handles it.
+    """Retarget the clips that come through a pipe, until the parent closes it or dies; then remove temporary files.
+    Ctrl-C is ignored: the parent handles it.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
@@ -196,10 +196,10 @@ def _work(pipe: connection.Connection[Result | None, Job], temporary: str) -> No
 
 @contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Set the environment variables of workers while they start; Ctrl-C waits meanwhile.
+    """Set the environment variables that workers get when started in the block; signals are delayed meanwhile.
 
-    Workers import from the same folders as this process, but not from the working directory, which may hold another
-    copy of this program. They do not warn of semaphores that are left when this process is killed.
+    Workers import from the same folders as this process, but not from the working directory, which may have another
+    copy of this program. They do not warn about semaphores that are left when this process is killed.
     """
     before = dict(os.environ)
     path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
@@ -214,26 +214,26 @@ def _worker_environment() -> Iterator[None]:
 
 
 class Cluster:
-    """A Dask cluster; its scheduler gives the jobs of workers that die to others."""
+    """A Dask cluster, whose scheduler moves jobs of dead workers to others."""
 
     def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
         """Connect to the scheduler at an address; raise a BatchError if none answers or the cluster has no workers.
 
-        If the workers leave later, `waiting` is called with that reason.
+        If all workers leave later, `waiting` is called with a message.
         """
-        import asyncio  # here, as it is slow to import
+        import asyncio  # here, since it is slow to import
 
         try:
             from distributed import Client
         except ImportError as missing:
             raise BatchError("--dask needs the package distributed: pip install 'distretarget[dask]'") from missing
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it prints tracebacks of what is said in a line
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # it prints tracebacks of errors reported here
         try:
-            kind = asyncio.run(_kind(address))  # a client would wait for much longer, and not without noise
+            kind = asyncio.run(_kind(address))  # a Client would wait much longer, and print warnings
             client = Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False) if kind == "Scheduler" else None
         except TimeoutError as error:
             raise BatchError(f"no Dask scheduler answers at {address!r} within {CONNECT_TIMEOUT:g} s") from error
-        except Exception as error:  # of all layers below: the address, the network, what another program answers
+        except Exception as error:  # of any layer: the address, the network, the answer of another program
             raise BatchError(f"no Dask scheduler answers at {address!r}: {error}") from error
         if client is None:
             raise BatchError(f"{address!r} is the address of a Dask {kind.lower()}; expected that of the scheduler")
@@ -251,7 +251,7 @@ class Cluster:
         self._running[self._executor.submit(run, job)] = job
 
     def finished(self) -> Iterator[tuple[Job, Result]]:
-        """Wait until a clip is finished, and yield those that are, with their results.
+        """Wait until a clip is finished, or some time, and yield all finished jobs with their results.
 
         Raises:
             BatchError: the cluster is gone.
@@ -265,24 +265,24 @@ class Cluster:
                 result = future.result()
             except CancelledError as error:
                 raise BatchError("the workers are gone; run this again to go on") from error
-            except Exception as error:  # of the cluster; it concerns this clip only
+            except Exception as error:  # of the cluster, for this clip only
                 result = job.failed(f"{job.source.path}: {type(error).__name__}: {error}")
             yield job, result
 
     def _remind(self) -> None:
-        """Say now and then that the cluster has no workers; it may get new ones."""
+        """Report, at most once per `REMINDER`, that the cluster has no workers; it may get new ones."""
         if not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
             self._next_reminder = time.monotonic() + REMINDER
             self._waiting("the Dask cluster has no workers")
 
     def close(self) -> None:
-        """Leave the cluster; jobs not yet done are dropped."""
+        """Disconnect from the cluster; unfinished jobs are dropped."""
         with suppress(Exception):
             self._client.close(timeout=5)
 
 
 async def _kind(address: str) -> str:
-    """What the Dask process at an address is, such as "Scheduler" or "Worker"."""
+    """The type of the Dask process at an address, such as "Scheduler" or "Worker"."""
     import asyncio
 
     from distributed import rpc
@@ -295,9 +295,9 @@ Workers = Processes | Cluster
 
 
 def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
-    """Retarget clips, a few at a time, and yield the results as they come.
+    """Retarget clips, a few at a time, and yield the results in the order in which they are finished.
 
-    The clip of a worker that dies is tried again at the end, alone; one that kills its worker again fails.
+    If a worker dies, its clip is tried again at the end, with no others running; if it dies again, the clip fails.
 
     Raises:
         BatchError: the workers are gone, or die as they start.
@@ -314,7 +314,7 @@ def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
 
 
 def _finished(workers: Workers, jobs: Iterable[Job]) -> Iterator[tuple[Job, Result | None]]:
-    """Retarget clips, and yield them with their results; None if the worker died."""
+    """Retarget clips, and yield the jobs with their results, None if the worker died."""
     running = 0
     for job in jobs:
         workers.submit(job)

@@ -20,8 +20,8 @@ import click
 from distretarget.errors import DistretargetError
 from distretarget.io.files import reason_of
 
-COMMANDS = {  # by name, with their short help; each is the function NAME_command in a module of its name
-    "audit": "Say what is wrong with the clips in a folder.",
+COMMANDS = {  # short help by name; each command is the function NAME_command in the module NAME
+    "audit": "Find faults in the clips of a folder.",
     "batch": "Retarget many clips to one or several targets.",
     "contacts": "List the contacts that are found in CLIP.",
     "diff": "Measure the motion of B against that of A, the reference.",
@@ -35,24 +35,24 @@ DEFAULT_COMMAND = "retarget"
 
 
 class DefaultGroup(click.Group):
-    """A group that runs `DEFAULT_COMMAND` if the first word is no command; it refuses a misspelt command."""
+    """A group that runs `DEFAULT_COMMAND` if the first word is no command, unless it looks like a misspelt one."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         if args and args[0] not in self.commands and not os.path.lexists(args[0]):
             for near in get_close_matches(args[0], self.commands, 1):
                 raise click.UsageError(f"there is no command or file {args[0]!r}; did you mean {near!r}?", ctx)
-        own = {name for parameter in self.get_params(ctx) for name in parameter.opts}
-        if args and args[0] not in self.commands and args[0] not in own:
+        options = {name for parameter in self.get_params(ctx) for name in parameter.opts}
+        if args and args[0] not in self.commands and args[0] not in options:
             args = [DEFAULT_COMMAND, *args]
         return super().parse_args(ctx, args)
 
 
-class ImportedCommand(click.Command):
-    """A command that is imported when it runs, as its module is slow to import; until then it has only a short help."""
+class LazyCommand(click.Command):
+    """A command whose module, slow to import, is imported when it runs; until then it has only its short help."""
 
     @cached_property
     def command(self) -> click.Command:
-        """The command itself, imported without garbage collection, as modules stay anyway."""
+        """The command itself, imported without garbage collection to save time."""
         gc.disable()
         try:
             command: click.Command = resolve_name(f"distretarget.cli.{self.name}:{self.name}_command")
@@ -67,9 +67,9 @@ class ImportedCommand(click.Command):
         return self.command.make_context(info_name, args, parent, **extra)
 
 
-def _say_version(context: click.Context, _: click.Parameter, asked: bool) -> None:
-    if asked:
-        from importlib.metadata import version  # here, as they are slow to import
+def _say_version(context: click.Context, _: click.Parameter, given: bool) -> None:
+    if given:
+        from importlib.metadata import version  # here, since these imports are slow
 
         click.echo(f"distretarget, version {version('distretarget')}")
         if context.params["verbose"]:
@@ -80,7 +80,7 @@ def _say_version(context: click.Context, _: click.Parameter, asked: bool) -> Non
 
 
 @click.group(cls=DefaultGroup, context_settings={"help_option_names": ["-h", "--help"]})
-@click.option("-v", "verbose", is_flag=True, is_eager=True, help="With --version, show the compiled functions, too.")
+@click.option("-v", "verbose", is_flag=True, is_eager=True, help="With --version, also show the compiled library.")
 @click.option("--version", is_flag=True, expose_value=False, callback=_say_version, help="Show the version and exit.")
 def cli(verbose: bool) -> None:
     """Retarget motion to another body, so that hands that touch still touch and feet stay where they stand.
@@ -88,9 +88,9 @@ def cli(verbose: bool) -> None:
     \b
     distretarget walk.bvh hero.glb -o hero_walk.glb   one clip; short for: distretarget retarget
     distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
-    distretarget audit FOLDER                         what is wrong with the clips as they are
+    distretarget audit FOLDER                         faults of the clips
     distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
-    distretarget contacts CLIP -o FILE                what touches in a clip, to edit
+    distretarget contacts CLIP -o FILE                the contacts in a clip, to edit
     distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
     distretarget skeleton match SOURCE TARGET         which joint drives which
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
@@ -99,7 +99,7 @@ def cli(verbose: bool) -> None:
 
 
 for name, short_help in COMMANDS.items():
-    cli.add_command(ImportedCommand(name, short_help=short_help))
+    cli.add_command(LazyCommand(name, short_help=short_help))
 
 
 def main() -> None:
@@ -114,25 +114,25 @@ def main() -> None:
         sys.stdout.flush()
         sys.stderr.flush()
     except OSError as error:
-        sys.stdout = None  # so that Python does not flush it again at exit
+        sys.stdout = None  # Python would flush it again at exit
         status = _complain(_fault(error), 1)
     sys.exit(status)
 
 
 def _fault(error: OSError) -> str:
-    """The message of an OSError; one that names no file is about standard output, unless too many files are open."""
+    """The message of an OSError. One without a file is about standard output, unless too many files are open."""
     place = "" if error.errno in (errno.EMFILE, errno.ENFILE) else "standard output"
     return ": ".join(filter(None, (error.filename or place, reason_of(error))))
 
 
 def _replace_closed_streams() -> None:
-    """Send to nowhere what goes to closed standard output or error, which the next file that is opened would get."""
+    """Redirect closed standard output and error to the null device; the next opened file would get their numbers."""
     for number, name in ((1, "stdout"), (2, "stderr")):
         if getattr(sys, name) is None:
-            nowhere = os.open(os.devnull, os.O_WRONLY)
-            if nowhere != number:
-                os.dup2(nowhere, number)
-                os.close(nowhere)
+            null = os.open(os.devnull, os.O_WRONLY)
+            if null != number:
+                os.dup2(null, number)
+                os.close(null)
             os.set_inheritable(number, True)
             setattr(sys, name, os.fdopen(number, "w", encoding="utf-8", closefd=False))
 

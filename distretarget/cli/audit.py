@@ -1,4 +1,4 @@
-"""`distretarget audit`: what is wrong with the clips of a folder as they are."""
+"""`distretarget audit`: find faults in the clips of a folder."""
 
 from __future__ import annotations
 
@@ -11,19 +11,19 @@ from tqdm import tqdm
 
 from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
-from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, limit_of, quiet
+from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, parse_limit, quiet
 from distretarget.cli.outputs import check_outputs, check_suffix, complain, is_quiet, say, table_lines, write_outputs
 from distretarget.errors import BatchError, closest
 from distretarget.measure.clip_faults import KINDS
 from distretarget.report.diff_document import csv_lines
 
 
-def of_kind(text: str) -> tuple[str, float]:
+def parse_fault_limit(text: str) -> tuple[str, float]:
     """The kind of fault and its limit in a text KIND=LIMIT."""
     name, _, number = text.partition("=")
     if name not in KINDS:
         raise click.BadParameter(f"there is no kind of fault {name!r}; {closest(name, tuple(KINDS))}")
-    return name, limit_of(name, number)
+    return name, parse_limit(name, number)
 
 
 @click.command("audit")
@@ -31,13 +31,12 @@ def of_kind(text: str) -> tuple[str, float]:
 @click.option(
     "--limit",
     "given",
-    type=of_kind,
+    type=parse_fault_limit,
     multiple=True,
     metavar="KIND=NUMBER",
-    help=f"The number above which a clip has this fault; KIND is one of {', '.join(KINDS)}. May be given "
-    "several times.",
+    help=f"The value above which a clip has this fault; KIND is one of {', '.join(KINDS)}. May be given several times.",
 )
-@file_option("--table", help="Write a CSV file with a row for each clip and the numbers of all kinds.")
+@file_option("--table", help="Write a CSV file with a row for each clip and a column for each kind of fault.")
 @file_option("--report", help="Write an HTML page with the worst frame of each fault.")
 @CLIP_OPTION
 @OVERWRITE_OPTION
@@ -50,12 +49,11 @@ def audit_command(
     clip: str | None,
     overwrite: bool,
 ) -> None:
-    """Say what is wrong with the clips in a folder.
+    """Find faults in the clips of a folder.
 
-    There is no target: the clips are judged as they are. Found are poses before the motion begins, cuts, joints that
-    jump or flip, frozen and repeated frames, feet that skate or go below the floor, bones that stretch, wrong units,
-    axes, frame times and sides, duplicates, and files that cannot be read. FOLDER may be a file, too. Exit status 1 if
-    a clip has a fault.
+    Without a target: poses before the motion begins, cuts, joints that jump or flip, frozen and repeated frames, feet
+    that skate or go below the floor, bones that stretch, wrong units, axes, frame times and sides, duplicates, and
+    files that cannot be read. FOLDER may also be a file. Exit status 1 if a clip has a fault.
 
     \b
     distretarget audit mocap

@@ -26,10 +26,10 @@ from distretarget.cli.options import (
     PATH,
     RecipeFiles,
     contacts_option,
-    converting,
+    conversion_options,
     file_option,
-    of_formats,
-    of_reports,
+    parse_formats,
+    parse_reports,
     quiet,
 )
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
@@ -43,12 +43,12 @@ from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
 
 INTERRUPTED = 130  # exit status
-LONGEST_PATH = 40_000  # more than any system takes [characters]
+LONGEST_PATH = 40_000  # more than any system allows [characters]
 
 
 @click.command("batch")
 @click.argument("sources", nargs=-1, metavar="SOURCES... TARGET", type=PATH)
-@click.option("-o", "--output", "folder", required=True, type=PATH, help="The folder of results.")
+@click.option("-o", "--output", "folder", required=True, type=PATH, help="The folder for the results.")
 @click.option(
     "--target",
     "targets",
@@ -60,7 +60,7 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     "--include",
     multiple=True,
     metavar="GLOB",
-    help="Retarget only files whose name or path in the folder matches; with a / at the end, files in such folders.",
+    help="Retarget only files whose name or path in the folder matches, or with a / at the end, whose folder does.",
 )
 @click.option("--exclude", multiple=True, metavar="GLOB", help="Leave out such files.")
 @click.option(
@@ -69,17 +69,17 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
     metavar="FILE",
     help="Read the paths of clips from this file, one per line; - is standard input.",
 )
-@converting(
+@conversion_options(
     contacts_option(
-        help="Contacts to drop, make or change, in all clips; or 'beside', for files such as walk.contacts.json beside "
+        help="Contacts to drop, add or change, in all clips; or 'beside', for files such as walk.contacts.json beside "
         "walk.bvh."
     ),
     click.option(
         "--format",
         "kinds",
-        type=of_formats,
+        type=parse_formats,
         metavar="KIND[,KIND...]",
-        help=f"What the results are, one file of each kind: {', '.join(OUTPUT_FORMATS)}. Default: own, the kind of "
+        help=f"The formats of results, one file each: {', '.join(OUTPUT_FORMATS)}. Default: own, the format of "
         "TARGET if it is glTF or VRM, else bvh. npz has arrays: positions, rotations, and labels of frames.",
     ),
     click.option("--npz", is_flag=True, help="Write arrays beside each result, like --format own,npz."),
@@ -87,13 +87,13 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
 @click.option(
     "--merge",
     is_flag=True,
-    help="Write one file, which -o names: TARGET with each result as an animation, .glb, .gltf or .vrm.",
+    help="Write a single file to -o, .glb, .gltf or .vrm: TARGET with each result as an animation.",
 )
 @click.option(
     "--jobs",
     type=click.IntRange(1),
     metavar="N",
-    help="The number of processes. Default: one for each core that may be used.",
+    help="The number of processes. Default: one for each available core.",
 )
 @click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
 @click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")
@@ -107,15 +107,15 @@ LONGEST_PATH = 40_000  # more than any system takes [characters]
 @file_option(
     "--report",
     "index",
-    help="Write an HTML page on all clips to this file; reports on single clips go to a folder beside it.",
+    help="Write an HTML page about all clips to this file; reports of single clips go to a folder beside it.",
 )
 @click.option(
     "--reports",
-    type=of_reports,
+    type=parse_reports,
     default="worst:10",
     show_default=True,
     metavar="WHICH",
-    help="With --report, the clips that get a report of their own: worst:N for the N with the largest "
+    help="With --report, which clips get a report of their own: worst:N for the N with the largest "
     f"{METRICS[0].label}, all or none.",
 )
 @file_option(
@@ -199,7 +199,7 @@ def batch_command(
 
 
 def _sources_and_targets(sources: Sequence[Path], targets: Sequence[Path]) -> tuple[tuple[Path, ...], list[TargetFile]]:
-    """The sources, and the targets, the last of the sources if no other is given."""
+    """The sources and the targets; without --target, the last source is the target."""
     if not targets:
         if not sources:
             raise click.UsageError("expected SOURCES... TARGET.")
@@ -210,7 +210,7 @@ def _sources_and_targets(sources: Sequence[Path], targets: Sequence[Path]) -> tu
 
 
 def _check_machine(dask: str | None, jobs: int | None, time_limit: float | None) -> None:
-    """Check that what is for this machine is not given for a cluster."""
+    """Check that options for this machine are not combined with a cluster."""
     if jobs and dask is not None:
         raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
     if time_limit and dask is not None:
@@ -218,7 +218,7 @@ def _check_machine(dask: str | None, jobs: int | None, time_limit: float | None)
 
 
 def _check_sources(sources: Sequence[Path]) -> None:
-    """Check that there are such files and folders."""
+    """Check that the files and folders exist."""
     if STANDARD in sources:
         raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
     if missing := [source for source in sources if not os.path.lexists(source)]:
@@ -226,7 +226,7 @@ def _check_sources(sources: Sequence[Path]) -> None:
 
 
 def _listed(lines: TextIO) -> Iterator[Path]:
-    """The paths in a list, one a line; an error at a line that is too long to be one, as of a device without end."""
+    """The paths in a list, one per line; an error if a line is too long for a path, as from an endless device."""
     while line := lines.readline(LONGEST_PATH):
         if len(line) == LONGEST_PATH:
             raise click.UsageError("--input-list: a line is longer than any path; expected one path per line.")
@@ -235,7 +235,7 @@ def _listed(lines: TextIO) -> Iterator[Path]:
 
 
 def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_run: bool) -> Path:
-    """The folder of the clips that go into one file, after a check that it can be written."""
+    """The folder for the single results of --merge, after a check that the merged file can be written."""
     if len(targets) != 1:
         raise click.UsageError("--merge writes one file, for one target.")
     if output_kind(file, targets[0].file) != "character":
@@ -245,7 +245,7 @@ def _for_merge(file: Path, targets: Sequence[TargetFile], overwrite: bool, dry_r
 
 
 def _converted(batch: Batch, dask: str | None, jobs: int | None) -> tuple[Tally, int]:
-    """Retarget the clips and tell how it went; return the counts, and the exit status, 0 unless it was stopped."""
+    """Retarget the clips and print a summary; return the counts, and the exit status, 0 unless the batch stopped."""
     batch.check()
     tally = Tally(clips=len(batch.clips))
     if dask is None:
@@ -262,8 +262,8 @@ def _converted(batch: Batch, dask: str | None, jobs: int | None) -> tuple[Tally,
 
 
 def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
-    """Retarget the clips; return why the batch was stopped and the exit status; empty and 0 if it was not."""
-    silent = is_quiet() or None  # None: on a terminal only
+    """Retarget the clips; return why the batch stopped and the exit status; "" and 0 if it did not."""
+    silent = is_quiet() or None  # None: bars on a terminal only
     with (
         closing(workers),
         tqdm(total=tally.clips, unit=" clips", disable=silent, leave=False) as clips,
@@ -278,7 +278,7 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
         try:
             batch.convert(workers, tally, show)
         except KeyboardInterrupt:
-            signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the summary is left to print
+            signal.signal(signal.SIGINT, signal.SIG_IGN)  # do not interrupt the summary
             return "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
             return str(error), 1

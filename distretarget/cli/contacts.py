@@ -1,4 +1,4 @@
-"""`distretarget contacts`: list the contacts of a clip, to see and to edit them."""
+"""`distretarget contacts`: list the contacts that are detected in a clip."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading
+from distretarget.cli.options import OVERWRITE_OPTION, PATH, FileOrStandard, map_option, quiet, reading_options
 from distretarget.cli.outputs import check_outputs, read_input, read_source, say, table_lines, write_outputs
 from distretarget.errors import in_file
 from distretarget.io.contacts_file import contacts_to_json
@@ -21,7 +21,7 @@ from distretarget.pipeline.found_contacts import find_contacts
 @click.argument("target", required=False, type=PATH)
 @click.option("-o", "--output", type=FileOrStandard(), help="Write the list to this file, which --contacts takes.")
 @OVERWRITE_OPTION
-@reading
+@reading_options
 @map_option(help='A JSON file with {"target joint": "source joint"}, as in retarget.')
 @quiet
 def contacts_command(
@@ -36,9 +36,9 @@ def contacts_command(
 ) -> None:
     """List the contacts that are found in CLIP.
 
-    These are parts that touch, and parts that rest on the world. Frames count from 0. Gaps are those of an average
-    body's skin on the performer's bones. TARGET is the body to which CLIP is to be retargeted, if its parts have other
-    names. Edit the file that -o writes, and give it to --contacts.
+    These are parts of the body that touch each other, and parts that rest on the world. Frames count from 0. Gaps are
+    measured on the skin of an average body with the performer's bones. Give the TARGET of the retargeting if its parts
+    have other names. Edit the file that -o writes, and give it to --contacts.
 
     \b
     distretarget contacts clap.bvh

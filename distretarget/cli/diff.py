@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import click
 
@@ -15,8 +14,8 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     FileOrStandard,
     file_option,
-    limit_of,
     map_option,
+    parse_limit,
     positive,
     quiet,
 )
@@ -46,33 +45,34 @@ from distretarget.report.scene_page import (
 from distretarget.scene.scene_file import SCENE_NAME, SceneSetup, load_scene
 from distretarget.target import Target
 
-MOST_GAPS = 10  # gaps that are printed
+MOST_GAPS = 10  # rows of the table of gaps that are printed
 MOST = 5  # frames and contacts that are printed
 RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")
 FAIL_OVER_HELP = (
     f"Exit with status 1 if a metric is over a limit. METRIC is one of {', '.join(BY_KEY)}. The limit is for the value "
     f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
-    f"metric {GAP_ERROR}: the error of the gaps between what touches in A, in % of a leg. May be given several times."
+    f"metric {GAP_ERROR}: the error of gaps between parts in contact in A, in % of a leg. May be given several times."
 )
 
 
-class Account(NamedTuple):
-    """A diff of clips or scenes, with its outputs."""
+@dataclass(frozen=True)
+class DiffOutputs:
+    """The outputs of the command for a diff of two clips or two scenes."""
 
-    document: Values
+    document: Values  # the JSON
     page: Callable[[], str]  # makes the HTML report
-    csv: Callable[[], str]  # makes the CSV of the frames
-    lines: Sequence[str]  # that are printed
-    fault: str  # on the metrics over their limits; empty if there are none
+    csv: Callable[[], str]  # makes the CSV
+    lines: Sequence[str]  # to print
+    excess: str  # the file and its metrics over their limits; empty if there are none
 
 
-def of_metric(text: str) -> tuple[str, float]:
-    """The key of a metric and its limit, a number from 0 up, in a text METRIC=LIMIT."""
+def parse_metric_limit(text: str) -> tuple[str, float]:
+    """The key of a metric and its limit in a text METRIC=LIMIT."""
     name, _, number = text.partition("=")
     known = (*BY_KEY, GAP_ERROR)
     if name not in known:
         raise click.BadParameter(f"expected one of {', '.join(known)}, = and a limit, found {text!r}")
-    return name, limit_of(name, number)
+    return name, parse_limit(name, number)
 
 
 @click.command("diff")
@@ -86,13 +86,15 @@ def of_metric(text: str) -> tuple[str, float]:
     help='A JSON file with {"joint of B": "joint of A"}, null for joints to leave out; the others are matched by names '
     "or shape."
 )
-@click.option("--fail-over", "limits", type=of_metric, multiple=True, metavar="METRIC=LIMIT", help=FAIL_OVER_HELP)
+@click.option(
+    "--fail-over", "limits", type=parse_metric_limit, multiple=True, metavar="METRIC=LIMIT", help=FAIL_OVER_HELP
+)
 @click.option(
     "--world-scale",
     type=positive,
     metavar="NUMBER",
-    help="For scenes: units of B per unit of A along the floor. Default: what the scene file of A says if B is a "
-    "folder of results, else what `distretarget scene` would choose.",
+    help="For scenes: units of B per unit of A along the floor. Default: that of A's scene file if B is a folder of "
+    "results, else the one that `distretarget scene` would choose.",
 )
 @OVERWRITE_OPTION
 @click.option("-v", "--verbose", is_flag=True, help="Print all metrics and what they mean, and contacts.")
@@ -117,7 +119,7 @@ def diff_command(
     is cut. - means standard input or output.
 
     To compare two scenes, give two folders with a file for each performer and prop, with the same names in both, or a
-    SCENE.json for either. Each performer is measured, and the gaps in B between what touches in A.
+    SCENE.json for either. Each performer is measured, and the gaps in B between parts that touch in A.
 
     \b
     distretarget diff walk.bvh walk_hero.bvh
@@ -131,40 +133,39 @@ def diff_command(
             raise click.UsageError("--clip chooses an animation of a file; leave it out to compare two scenes.")
         one, other = read_scenes(a, b)
         check_outputs(outputs, [*one.files.values(), *other.files.values(), a, b, map_path], overwrite)
-        account = measure_scenes(one, other, map_path, limits, world_scale, verbose)
+        made = _scene_outputs(one, other, map_path, limits, world_scale, verbose)
     else:
         if world_scale is not None or any(key == GAP_ERROR for key, _ in limits):
             option = f"--fail-over {GAP_ERROR}" if world_scale is None else "--world-scale"
             raise click.UsageError(f"{option} is for scenes; leave it out to compare two clips.")
         check_outputs(outputs, [a, b, map_path], overwrite)
-        account = _measure_clips(a, b, clip, map_path, limits, verbose)
-    texts = {report: account.page, json_path: lambda: json_text(account.document), csv_path: account.csv}
-    write_outputs(texts, overwrite)
-    say(*account.lines)
-    if account.fault:
-        raise click.ClickException(account.fault)
+        made = _clip_outputs(a, b, clip, map_path, limits, verbose)
+    write_outputs({report: made.page, json_path: lambda: json_text(made.document), csv_path: made.csv}, overwrite)
+    say(*made.lines)
+    if made.excess:
+        raise click.ClickException(made.excess)
 
 
-def _measure_clips(
+def _clip_outputs(
     a: Path, b: Path, clip: str | None, map_path: Path | None, limits: tuple[tuple[str, float], ...], verbose: bool
-) -> Account:
-    a_text, b_text = read_input(a), read_input(b)
-    first, second = (_motion(file, clip) for file in (a_text, b_text))
-    result = measure(first, second, a_text.path, b_text.path, map_path)
-    metrics = document(result, replace(about(Path(a_text.path), Path(b_text.path)), limits=limits))
-    lines = [*_lines(metrics, [] if verbose else [*over_limits(result)], verbose)]
-    fault = _fault(b_text.path, over(metrics["limits"]))
-    return Account(metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"]), lines, fault)
+) -> DiffOutputs:
+    a_file, b_file = read_input(a), read_input(b)
+    first, second = (_motion(file, clip) for file in (a_file, b_file))
+    result = measure(first, second, a_file.path, b_file.path, map_path)
+    metrics = document(result, replace(about(Path(a_file.path), Path(b_file.path)), limits=limits))
+    lines = [*_lines(metrics, [] if verbose else [*verdict_lines(result)], verbose)]
+    excess = _joined(b_file.path, over(metrics["limits"]))
+    return DiffOutputs(metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"]), lines, excess)
 
 
 def _motion(file: InputFile, clip: str | None) -> Motion:
-    """The motion in a file; `clip` is for one that has several animations."""
+    """The motion in a file; `clip` applies only to a file with several animations."""
     several = clip and len(animations_in(file)) > 1
     return parse_motion(file, clip if several else None)[0]
 
 
 def _lines(metrics: Values, verdict: Sequence[str], verbose: bool) -> Iterator[str]:
-    """The lines that are printed, with the lines of the verdict, or if `verbose` all metrics and contacts."""
+    """The lines to print: with the verdict, or if `verbose` with all metrics and contacts."""
     for name, body in (("A", metrics["a"]), ("B", metrics["b"])):
         named = f", named as in {body['convention']}" if body["convention"] else ""
         yield f"{name}: {body['file']}, {body['joints']} joints{named}"
@@ -184,7 +185,7 @@ def _lines(metrics: Values, verdict: Sequence[str], verbose: bool) -> Iterator[s
 
 
 def _table(a: MetricValues, b: MetricValues) -> Iterator[str]:
-    """A line for each metric, with its values in A and B."""
+    """The lines of a table of all metrics in A and B."""
     rows = [("metric", "A", "B", "")]
     for metric in METRICS:
         own = _number(a[metric.key]) if metric.of_source else ""
@@ -197,7 +198,7 @@ def _number(value: float | None) -> str:
 
 
 def _meaning(metric: Metric, a: float | None, b: float | None) -> str:
-    """What a metric means, its unit and, if its ratio is judged, the ratio of B to A."""
+    """The meaning of a metric, its unit and, if its ratio is judged, the ratio of B to A."""
     meaning = metric.meaning.format(source="A", result="B") + (f" [{metric.unit}]" if metric.unit else "")
     judged = metric.judgement(b, a)
     if not metric.of_source or judged is None or a is None or a <= metric.still:
@@ -206,14 +207,14 @@ def _meaning(metric: Metric, a: float | None, b: float | None) -> str:
 
 
 def _worst_frames(metric: Metric, frames: Sequence[MetricValues]) -> str:
-    """The worst frames by a metric, with its values; empty if it is 0 in all."""
+    """The frames with the largest values of a metric, and the values; empty if all are 0."""
     key = metric.key
     ranked = sorted((frame for frame in frames if frame[key]), key=lambda frame: -(frame[key] or 0.0))
     return ", ".join(f"{frame['frame']} ({frame[key]:.3g})" for frame in ranked[:MOST])
 
 
 def _contacts(contacts: Sequence[Values]) -> Iterator[str]:
-    """A line for each of the first pairs of regions that touch in A."""
+    """A line for each of the first `MOST` contacts in A, pairs of regions of the body."""
     yield "contacts (distance over path length in A, in B):" if contacts else "contacts: none"
     for contact in contacts[:MOST]:
         distances = f"{contact['distance_a']:.3f}, {contact['distance_b']:.3f} in {counted(contact['frames'], 'frame')}"
@@ -228,8 +229,8 @@ class SceneInput:
 
     path: Path  # of its file or folder
     motions: Mapping[str, Motion]
-    files: Mapping[str, Path]  # where each motion was read
-    setup: SceneSetup | None = None  # what the scene file says; None for a folder without one
+    files: Mapping[str, Path]  # of the motions
+    setup: SceneSetup | None = None  # the scene file; None for a folder without one
 
 
 def over(limits: Iterable[Values]) -> Iterator[str]:
@@ -239,13 +240,14 @@ def over(limits: Iterable[Values]) -> Iterator[str]:
             yield f"{limit['metric']} is {limit['value']:.6g}, over {limit['limit']:g}"
 
 
-def _fault(path: str | Path, clauses: Iterable[str]) -> str:
-    told = "; ".join(clauses)
-    return told and f"{path}: {told}"
+def _joined(path: str | Path, clauses: Iterable[str]) -> str:
+    """The clauses on one line that begins with a path; empty without clauses."""
+    text = "; ".join(clauses)
+    return text and f"{path}: {text}"
 
 
-def over_limits(result: Diff) -> Iterator[str]:
-    """Yield the verdict on B: a line for each metric over its limit, with the worst frame, or that there is none."""
+def verdict_lines(result: Diff) -> Iterator[str]:
+    """Yield the verdict on B: a line for each metric over its limit, with the worst frame, or that all are within."""
     found = [*limit_warnings(result.metrics, {"result": result.tracks})]
     yield from (f"over a limit: {line}" for line in found)
     if not found:
@@ -258,7 +260,7 @@ def is_scene(path: Path) -> bool:
 
 
 def read_recorded_scene(path: Path) -> SceneInput:
-    """Read the scene in a file, or in a folder: its scene.json, or else all motion files in it."""
+    """Read the scene in a file or folder; of a folder, its scene.json, or else all its motion files."""
     file = path / SCENE_NAME if is_folder(path) else path
     if file == path or file.is_file():
         setup = load_scene(file)
@@ -277,27 +279,26 @@ def read_recorded_scene(path: Path) -> SceneInput:
 
 
 def read_scenes(a_path: Path, b_path: Path) -> tuple[SceneInput, SceneInput]:
-    """Read two scenes, which have to be of the same performers and props."""
+    """Read two scenes, which must have the same names of performers and props."""
     for path, other in ((a_path, b_path), (b_path, a_path)):
         if not is_scene(path):
             raise FileError(path, f"is not a scene, but {str(other)!r} is; name two scenes or two clips")
     a, b = read_recorded_scene(a_path), read_recorded_scene(b_path)
-    for scene, less in ((a, b), (b, a)):
-        if missing := [name for name in scene.motions if name not in less.motions]:
+    for scene, second in ((a, b), (b, a)):
+        if missing := [name for name in scene.motions if name not in second.motions]:
             names = quoted(missing, LISTED)
-            raise FileError(less.path, f"lacks {names}, in {str(scene.path)!r}; names have to be the same")
+            raise FileError(second.path, f"lacks {names}, in {str(scene.path)!r}; names have to be the same")
     return a, b
 
 
-def measure_scenes(
+def _scene_outputs(
     a: SceneInput,
     b: SceneInput,
     map_path: Path | None,
     limits: Sequence[tuple[str, float]],
     world_scale: float | None,
     verbose: bool,
-) -> Account:
-    """Measure scene B against scene A."""
+) -> DiffOutputs:
     props = _props(a, b)
     setup = a.setup if b.setup is None else None  # B may be a folder of results of A's scene file
     performers = _performers(a, b, [name for name in a.motions if name not in props], setup, map_path)
@@ -306,20 +307,21 @@ def measure_scenes(
         scale = world_scale or (setup.world_scale if setup else None)
         result = diff_scenes([*performers.values()], pairs, world_scale=scale)
     run = about(a.path, b.path)
-    of_scene, of_each = (tuple(limit for limit in limits if (limit[0] == GAP_ERROR) is own) for own in (True, False))
+    scene_limits = tuple(limit for limit in limits if limit[0] == GAP_ERROR)
+    clip_limits = tuple(limit for limit in limits if limit[0] != GAP_ERROR)
     documents = {
-        name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name, limits=of_each))
+        name: document(one, replace(run, a=a.files[name].name, b=b.files[name].name, limits=clip_limits))
         for name, one in performers.items()
     }
-    metrics = scene_document(result, documents, props, replace(run, limits=of_scene))
-    verdicts = {} if verbose else {name: [*over_limits(one)] for name, one in performers.items()}
-    faults = [f"{name}'s {fault}" for name, one in documents.items() for fault in over(one["limits"])]
-    lines, fault = [*_scene_lines(metrics, verdicts)], _fault(b.path, [*over(metrics["limits"]), *faults])
-    return Account(metrics, lambda: scene_diff_page(result, metrics), lambda: scene_csv(metrics), lines, fault)
+    metrics = scene_document(result, documents, props, replace(run, limits=scene_limits))
+    verdicts = {} if verbose else {name: [*verdict_lines(one)] for name, one in performers.items()}
+    of_performers = [f"{name}'s {clause}" for name, one in documents.items() for clause in over(one["limits"])]
+    excess, lines = _joined(b.path, [*over(metrics["limits"]), *of_performers]), [*_scene_lines(metrics, verdicts)]
+    return DiffOutputs(metrics, lambda: scene_diff_page(result, metrics), lambda: scene_csv(metrics), lines, excess)
 
 
 def _props(a: SceneInput, b: SceneInput) -> list[str]:
-    """The names of the props: those in a scene file; without one, clips of A without legs if others have legs."""
+    """The names of the props, from a scene file; without one, the clips of A without legs, if others have legs."""
     if setup := a.setup or b.setup:
         names = {prop.name for prop in setup.props}
         return [name for name in a.motions if name in names]
@@ -330,9 +332,8 @@ def _props(a: SceneInput, b: SceneInput) -> list[str]:
 def _performers(
     a: SceneInput, b: SceneInput, names: Sequence[str], setup: SceneSetup | None, map_path: Path | None
 ) -> dict[str, Diff]:
-    """Each performer of B measured against the same one of A, all with the axes that point up for the first.
-
-    Without a map for all, those of the scene file that made B apply.
+    """Measure each performer of B against the same one of A, with the up axes of the first for all. Without `map_path`,
+    the maps of the scene file that made B apply.
     """
     maps = {each.name: each.map_path for each in setup.performers} if setup and not map_path else {}
     measured: dict[str, Diff] = {}
@@ -352,7 +353,7 @@ def measure(a: Motion, b: Motion, a_file: str | Path, b_file: str | Path, map_pa
 
 
 def _scene_lines(metrics: Values, verdicts: Mapping[str, Sequence[str]]) -> Iterator[str]:
-    """The lines that are printed, with the verdict on each performer, or all metrics if there are none."""
+    """The lines to print: with the verdict on each performer, or without verdicts with all metrics."""
     performers = metrics["performers"]
     first = next(iter(performers.values()))
     yield f"A: {metrics['a']}, B: {metrics['b']}; performers: {', '.join(performers)}"
@@ -381,6 +382,6 @@ def _scene_lines(metrics: Values, verdicts: Mapping[str, Sequence[str]]) -> Iter
 
 
 def _table_lines(table: Table, most: int | None = None) -> Iterator[str]:
-    """A line for the columns of a table and for each of its first rows."""
+    """The lines of a table's head and first `most` rows."""
     rows = [table["columns"], *([str(cell) for cell in row] for row in table["rows"][:most])]
     return table_lines(rows, "<" + ">" * (len(rows[0]) - 1))

@@ -1,4 +1,4 @@
-"""Options that several commands share, and types of values that click does not have."""
+"""Options that several commands share, and parsers for types of values that click does not have."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ PATH = click.Path(path_type=Path)
 
 
 class FileOrStandard(click.Path):
-    """The path of a file; `STANDARD` for the text `-`. A file with that name is given as `./-`."""
+    """The path of a file, or `STANDARD` for `-`; a file of that name can be given as `./-`."""
 
     def __init__(self) -> None:
         super().__init__(allow_dash=True, path_type=Path)
@@ -46,8 +46,8 @@ class FileOrStandard(click.Path):
         return path.absolute() if path == STANDARD and str(value) != "-" else path
 
 
-def _be_quiet(context: click.Context, _option: click.Parameter, chosen: bool) -> None:
-    context.meta[QUIET] = chosen
+def _be_quiet(context: click.Context, _option: click.Parameter, given: bool) -> None:
+    context.meta[QUIET] = given
 
 
 quiet = click.option(
@@ -62,7 +62,7 @@ CLIP_OPTION = click.option(
 
 
 def _number(text: str, least: float, most: float, expected: str) -> float:
-    """The number in the text; an error says what was expected if there is none within bounds."""
+    """The number in a text; an error that says what was `expected` if it is no number from `least` to `most`."""
     with contextlib.suppress(ValueError):
         if least <= (number := float(text)) <= most:
             return number
@@ -70,22 +70,22 @@ def _number(text: str, least: float, most: float, expected: str) -> float:
 
 
 def positive(text: str) -> float:
-    """The number above 0 in the text."""
+    """The number above 0 in a text."""
     return _number(text, SMALLEST, LARGEST, f"a number above 0, from {SMALLEST:g} to {LARGEST:g}")
 
 
-def limit_of(name: str, text: str) -> float:
-    """The limit of what has a name, a number from 0 up."""
+def parse_limit(name: str, text: str) -> float:
+    """The number from 0 up in a text, the limit of a metric or fault of this name."""
     return _number(text, 0.0, LARGEST, f"a number from 0 to {LARGEST:g} as limit of {name}")
 
 
-def of_rate(text: str) -> float:
-    """The frame rate in the text [frames/s]."""
+def parse_rate(text: str) -> float:
+    """The frame rate in a text [frames/s]."""
     return _number(text, SLOWEST, FASTEST, f"frames per second, from {SLOWEST:g} to {FASTEST:g}")
 
 
-def of_time(text: str) -> str:
-    """The time or the frame in the text."""
+def parse_time(text: str) -> str:
+    """The text of a time or a frame, checked."""
     try:
         Edits(start=text)
     except SettingsError as error:
@@ -93,8 +93,8 @@ def of_time(text: str) -> str:
     return text
 
 
-def of_formats(text: str) -> tuple[str, ...]:
-    """The kinds of results in the text, separated by commas."""
+def parse_formats(text: str) -> tuple[str, ...]:
+    """The output formats in a text, separated by commas."""
     kinds = tuple(text.split(","))
     if wrong := [kind for kind in kinds if kind not in OUTPUT_FORMATS]:
         raise click.BadParameter(
@@ -103,8 +103,8 @@ def of_formats(text: str) -> tuple[str, ...]:
     return kinds
 
 
-def of_reports(text: str) -> int | None:
-    """How many reports are wanted, None for all, in a text worst:N, all or none."""
+def parse_reports(text: str) -> int | None:
+    """The number of reports, None for all, in a text worst:N, all or none."""
     if text in ("all", "none"):
         return None if text == "all" else 0
     kind, _, number = text.partition(":")
@@ -113,15 +113,15 @@ def of_reports(text: str) -> int | None:
     return int(number)
 
 
-def of_skin(text: str) -> SkinMode | Path:
-    """How thick a body is, in the text: a mode, or a build by its name or file."""
+def parse_skin(text: str) -> SkinMode | Path:
+    """The mode of skin in a text, or a path that names a build or its file."""
     return next((mode for mode in get_args(SkinMode) if mode == text), Path(text))
 
 
 def _choice(
     name: str, text: str, choices: Sequence[str] = (), settings: Options | OutputSettings = DEFAULT_OPTIONS
 ) -> Decorator:
-    """An option with the choices, by default those of `Options`, and the default of a field of some settings."""
+    """The option for a field of some settings, with its default; `choices` are by default those of `Options`."""
     default = getattr(settings, name)
     kind = click.Choice(choices or [choice for choice in CHOICES[name] if choice is not None])
     flag = f"--{name.replace('_', '-')}"
@@ -135,13 +135,13 @@ rest_option = functools.partial(
     file_option,
     "--rest",
     "rest_path",
-    help="For a SOURCE whose rest pose does not stand: a BVH file of its rig that stands in the first frame, in "
-    "T-pose, A-pose or with arms down. 'skeleton match' keeps it in a map.",
+    help="For a SOURCE whose rest pose is not standing: a BVH file of its rig that stands in the first frame, in "
+    "T-pose, A-pose or with arms down. 'skeleton match' stores it in a map.",
 )
 SUPPORTS_OPTION = _choice(
     "supports",
-    "What stays in place while it rests. hold: all that rests on the floor or holds on to something, such as feet, "
-    "hands and knees. feet: feet alone. free: nothing.",
+    "Which parts stay in place while they rest on the floor or hold on to something. hold: all, such as feet, hands "
+    "and knees. feet: only feet. free: none.",
 )
 ENVIRONMENT_OPTION = _choice(
     "environment",
@@ -155,7 +155,7 @@ STRIP_NAMESPACE_OPTION = click.option(
 )
 RETARGETING = (
     map_option(
-        help='A JSON file with {"target joint": "source joint"}, null for joints that nothing drives. It overrules '
+        help='A JSON file with {"target joint": "source joint"}, null for joints without a driver. It overrides '
         "the target's file; other joints are matched by names or shape."
     ),
     rest_option(),
@@ -167,7 +167,7 @@ RETARGETING = (
     ),
     _choice("source_up", "The axis that points up in SOURCE. Default: detected."),
     _choice(
-        "target_up", "The axis that points up in TARGET and in the output. Default: what TARGET says, else detected."
+        "target_up", "The axis that points up in TARGET and in the output. Default: as TARGET states, else detected."
     ),
     _choice(
         "root_offset",
@@ -189,21 +189,21 @@ RETARGETING = (
     ENVIRONMENT_OPTION,
     click.option(
         "--skin",
-        type=of_skin,
+        type=parse_skin,
         metavar="[auto|average|BUILD|none|FILE]",
         default="auto",
         show_default=True,
-        help="How thick TARGET is, so that skin touches and does not sink in. auto: as its mesh or the radii in its "
-        "file show, else not at all. average: as an average adult, child or baby, whichever its bones show. BUILD: "
-        f"{', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: not at all. FILE: as the character in this file, of any size "
-        "and names.",
+        help="The thickness of TARGET, so that skin touches but does not sink in. auto: that of its mesh or the radii "
+        "in its file, else none. average: that of an adult, child or baby, depending on its bones. BUILD: "
+        f"{', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: no thickness. FILE: that of the character in this file, of "
+        "any size and names.",
     ),
     click.option(
         "--source-skin",
         type=PATH,
         metavar="[BUILD|FILE]",
-        help="How thick the performer of SOURCE is, a BUILD or FILE as in --skin. Default: what the mesh in "
-        "SOURCE shows, else an average adult, child or baby.",
+        help="The thickness of SOURCE's performer, a BUILD or FILE as in --skin. Default: that of the mesh in SOURCE, "
+        "else of an average adult, child or baby.",
     ),
 )
 
@@ -212,27 +212,31 @@ READING = (
     CLIP_OPTION,
     click.option(
         "--fps",
-        type=of_rate,
+        type=parse_rate,
         metavar="NUMBER",
-        help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys. Of .npy, its frame rate.",
+        help="Sample SOURCE at this frame rate [frames/s]. Default: at its own keys. For .npy, its frame rate.",
     ),
     file_option(
         "--skeleton",
         "skeleton_path",
-        help="The skeleton of a SOURCE in .npz or .npy: a skeleton file, BVH or character, or .npz with the joints J "
-        "of a rest pose, or a model of SMPL.",
+        help="The skeleton of a SOURCE in .npz or .npy: a skeleton file, BVH or character, .npz with the joints J of a "
+        "rest pose, or a model of SMPL.",
     ),
 )
 EDITING = (
     click.option(
         "--start",
-        type=of_time,
+        type=parse_time,
         metavar="TIME",
-        help="Leave out what is before: seconds, or the number of a frame, as in 90f.",
+        help="Cut off everything before this time: seconds, or a frame, as in 90f.",
     ),
-    click.option("--end", type=of_time, metavar="TIME", help="Leave out what is after: seconds or a frame."),
+    click.option("--end", type=parse_time, metavar="TIME", help="Cut off everything after this time or frame."),
     click.option(
-        "--speed", type=click.FloatRange(*SPEEDS), metavar="FACTOR", default=1.0, help="How many times as fast it is."
+        "--speed",
+        type=click.FloatRange(*SPEEDS),
+        metavar="FACTOR",
+        default=1.0,
+        help="Play it this many times as fast.",
     ),
     click.option("--mirror", is_flag=True, help="Exchange left and right."),
     click.option(
@@ -242,23 +246,23 @@ EDITING = (
         default=0.0,
         help="Turn the motion to the left, about the vertical through the origin.",
     ),
-    click.option("--loop", is_flag=True, help="Bend the motion about its ends so that the end leads to the start."),
+    click.option("--loop", is_flag=True, help="Blend the motion near its ends so that it repeats smoothly."),
 )
 WRITING = (
     _choice(
         "animations",
-        "In a character file: whether the motion is added to the animations in it, or replaces them.",
+        "In a character file, whether to add the motion to its animations or replace them.",
         get_args(Mode),
         DEFAULT_OUTPUT,
     ),
     click.option(
         "--in-place",
         is_flag=True,
-        help="Leave out the root's path along the floor. Character files and .vrma keep it in the animation's extras.",
+        help="Leave out the root's path along the floor. Character files and .vrma store it in the animation's extras.",
     ),
     _choice(
         "rotations",
-        "In .npz, what rotations are: quaternions x y z w, matrices, or the first two columns of these.",
+        "In .npz, rotations are quaternions x y z w, matrices, or the first two columns of matrices.",
         get_args(RotationKind),
         DEFAULT_OUTPUT,
     ),
@@ -272,12 +276,13 @@ def _with(options: Sequence[Decorator], command: Command) -> Command:
     return command
 
 
-reading = functools.partial(_with, READING)
+reading_options = functools.partial(_with, READING)
+scene_edit_options = functools.partial(_with, EDITING[1:])  # a scene has --start per clip
 
 
 @dataclass(frozen=True)
 class RecipeFiles:
-    """A recipe as the command line gives it, with files by their paths."""
+    """A recipe as the command line gives it, with the paths of its files."""
 
     clip: str | None
     fps: float | None
@@ -302,18 +307,18 @@ class RecipeFiles:
         return Recipe(self.options, map_file, self.clip, self.fps, self.writing, builds, self.edits)
 
 
-def converting(*between: Decorator) -> Decorator:
-    """Add all options of a conversion to a command, which receives them as `recipe_files`; the options `between` those
-    of retargeting and of writing are its own.
+def conversion_options(*own: Decorator) -> Decorator:
+    """Add the options of a conversion to a command, which receives them as `recipe_files`, and some options of its own,
+    listed between those of retargeting and of writing.
     """
 
     def with_recipe(command: Command, skin: SkinMode | Path, **given: Any) -> None:
         given["skin"] = "auto" if isinstance(skin, Path) else skin
         if skin == "none" and given["source_skin"]:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
-        options, edits, writing = (_taken(kind, given) for kind in (Options, Edits, OutputSettings))
-        chosen = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
-        if options.objective == "paper" and chosen and options.supports != "free":
+        options, edits, writing = (_pop_settings(kind, given) for kind in (Options, Edits, OutputSettings))
+        explicit = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
+        if options.objective == "paper" and explicit and options.supports != "free":
             raise click.UsageError(
                 f"--supports {options.supports}: the paper's objective holds nothing in its place; use --objective "
                 "contact."
@@ -327,17 +332,12 @@ def converting(*between: Decorator) -> Decorator:
         command(recipe_files=recipe, **given)
 
     def decorate(command: Command) -> Command:
-        own = functools.update_wrapper(functools.partial(with_recipe, command), command)
-        return _with((*READING, *EDITING, *RETARGETING, *between, *WRITING), own)
+        wrapped = functools.update_wrapper(functools.partial(with_recipe, command), command)
+        return _with((*READING, *EDITING, *RETARGETING, *own, *WRITING), wrapped)
 
     return decorate
 
 
-def editing_together(command: Command) -> Command:
-    """Add the options that edit all clips of a scene together to a command."""
-    return _with(EDITING[1:], command)
-
-
-def _taken(kind: type[Any], given: dict[str, Any]) -> Any:
-    """Some settings, from their fields, which are taken out of what is given."""
+def _pop_settings(kind: type[Any], given: dict[str, Any]) -> Any:
+    """Settings of a kind, made of their fields, which are removed from `given`."""
     return kind(**{field.name: given.pop(field.name) for field in fields(kind)})

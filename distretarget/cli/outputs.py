@@ -16,8 +16,8 @@ from distretarget.io.input_file import InputFile, load_file, with_files_beside
 from distretarget.report.diff_document import About
 
 STANDARD = Path("-")
-LISTED = 12  # most names in a line
-ARGUMENTS = {  # in messages: what a script would write, and what the program's options are
+LISTED = 12  # limit of names in a line
+ARGUMENTS = {  # the options of the program for arguments of Python functions, to be replaced in messages
     "clip=NAME": "--clip NAME",
     "fps=NUMBER": "--fps NUMBER",
     "skeleton=FILE": "--skeleton FILE",
@@ -28,7 +28,7 @@ OUTPUT_TAKEN = "distretarget.output_taken"  # key in a context's `meta`: whether
 
 
 def read_source(path: Path, skeleton: Path | None) -> InputFile:
-    """Read a motion's file, and that of the skeleton which its arrays are for; errors as in `load_file`."""
+    """Read a motion's file, and the file with the skeleton of its arrays; errors as in `load_file`."""
     return replace(read_input(path), skeleton=load_file(skeleton) if skeleton else None)
 
 
@@ -47,8 +47,8 @@ def read_input(path: Path) -> InputFile:
 def write_outputs(
     contents: Mapping[Path | None, Callable[[], Content]], overwrite: bool, replaced: Path | None = None
 ) -> None:
-    """Make the content of each output that is asked for, text whole or in parts, and then write them to files as
-    `write_whole` does, or to standard output; skips None. The one that is `replaced` is written anew in any case.
+    """Make the contents of all outputs, then write each with `write_whole`, or to standard output; skip the path None.
+    The file `replaced` may exist even without `overwrite`.
     """
     made = {path: content() for path, content in contents.items() if path}
     for path, content in made.items():
@@ -62,10 +62,10 @@ def write_outputs(
 def check_outputs(
     outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool, replaced: Path | None = None
 ) -> None:
-    """Check, before any work, that outputs can be written and that no two files are the same; skips None. The one that
-    is `replaced` may be there in any case.
+    """Check, before any work, that outputs can be written and that no two files are the same; skip None. The file
+    `replaced` may exist even without `overwrite`.
 
-    If an output is standard output, lines go to standard error from now on.
+    If an output is standard output, `say` prints to standard error from now on.
     """
     for paths, what in ((inputs, "input"), (outputs, "output")):
         if paths.count(STANDARD) > 1:
@@ -80,7 +80,7 @@ def check_outputs(
 
 
 def _same_file(path: Path, other: Path) -> bool:
-    """Whether two paths lead to the same file; False if permissions hide that: reading or writing will fail."""
+    """Whether two paths lead to the same file; False if permissions hide it, since reading or writing will fail."""
     try:
         return path.resolve() == other.resolve() or (path.exists() and other.exists() and path.samefile(other))
     except (OSError, ValueError):
@@ -88,7 +88,7 @@ def _same_file(path: Path, other: Path) -> bool:
 
 
 def check_suffix(path: Path | None, suffix: str) -> None:
-    """Check that the name of an output ends in the suffix of its format."""
+    """Check that an output has the suffix of its format."""
     if path and path != STANDARD and path.suffix.lower() != suffix:
         kind, better = suffix[1:].upper(), path.with_suffix(suffix) if path.name else suffix
         raise FileError(path, f"the output is {kind}, so its name has to end in {suffix}, such as {str(better)!r}")
@@ -116,7 +116,7 @@ def complain(*lines: str) -> None:
 
 
 def _print(lines: Sequence[str], err: bool) -> None:
-    """Print lines, in which arguments of Python functions are called as the options of the program."""
+    """Print lines, with arguments of Python functions replaced by the program's options."""
     for line in lines:
         for argument, option in ARGUMENTS.items():
             line = line.replace(argument, option)
@@ -124,7 +124,7 @@ def _print(lines: Sequence[str], err: bool) -> None:
 
 
 def table_lines(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
-    """Yield the lines of a table; `sides` has < for each column that is aligned left, > for each aligned right."""
+    """Yield the lines of a table; `sides` has < for each left-aligned column, > for each right-aligned one."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row in rows:
         cells = zip(row, sides, widths, strict=True)
@@ -132,9 +132,8 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
 
 
 def about(a: PurePath, b: PurePath) -> About:
-    """What a report says of this run: the command, and the names of both clips, with their folders if names are equal.
-
-    Of absolute paths only the names are told, so that a report can be sent.
+    """Return what a report says of this run: the command, and the names of both clips, with their folders if the names
+    are equal. Absolute paths are reduced to names, so that a report can be shared.
     """
     names = ["/".join(path.parts[-2:]) if a.name == b.name else path.name for path in (a, b)]
     words = [PurePath(word).name if PurePath(word).is_absolute() else word for word in sys.argv[1:]]

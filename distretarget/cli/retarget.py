@@ -18,7 +18,7 @@ from distretarget.cli.options import (
     FileOrStandard,
     RecipeFiles,
     contacts_option,
-    converting,
+    conversion_options,
     file_option,
     quiet,
 )
@@ -55,7 +55,7 @@ from distretarget.studio.order import Project, load_project
 
 
 def _take_project(context: click.Context, _option: click.Parameter, path: Path | None) -> Project | None:
-    """Take what the command line does not say from a project file."""
+    """Take defaults for all other parameters from a project file."""
     project = load_project(path) if path else None
     if project:
         context.default_map = project.defaults
@@ -67,8 +67,8 @@ def _take_project(context: click.Context, _option: click.Parameter, path: Path |
     "--project",
     is_eager=True,
     callback=_take_project,
-    help="A project file of the studio, beside its clip and its character: SOURCE, TARGET, OUTPUT and all other "
-    "settings that the command line does not give.",
+    help="A project file of the studio, beside its clip and its character. It gives SOURCE, TARGET, OUTPUT and all "
+    "other settings that are not on the command line.",
 )
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
@@ -81,10 +81,10 @@ def _take_project(context: click.Context, _option: click.Parameter, path: Path |
 )
 @OVERWRITE_OPTION
 @click.option("--add", is_flag=True, help="If OUTPUT exists and is a result on the same TARGET, add the motion to it.")
-@converting(
+@conversion_options(
     contacts_option(
-        help="Contacts to drop, make or change, parts to plant, distances and directions to keep; 'distretarget "
-        "contacts' lists what is found, and writes such a file to edit."
+        help="Contacts to drop, add or change, parts to plant, distances and directions to keep; 'distretarget "
+        "contacts' lists those that are found, and writes such a file to edit."
     )
 )
 @STRIP_NAMESPACE_OPTION
@@ -95,7 +95,7 @@ def _take_project(context: click.Context, _option: click.Parameter, path: Path |
     help="Write an HTML report to this file: result and rotation copy, measured against the source.",
 )
 @click.option(
-    "-v", "--verbose", is_flag=True, help="Print what was recognised and matched, and the axes, OFFSET and scale used."
+    "-v", "--verbose", is_flag=True, help="Print the recognised and matched joints, the axes, OFFSET and scale used."
 )
 @quiet
 def retarget_command(
@@ -150,7 +150,7 @@ def retarget_command(
     kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, recipe)
     if source_file.kind == "BVH":
-        source_file = replace(source_file, content=b"")  # all of it is in the motion
+        source_file = replace(source_file, content=b"")  # frees it: the motion has all
     body = TargetFile.of(target_file)
     with tqdm(total=len(motion), unit=" frames", desc=source.name, disable=is_quiet() or None, leave=False) as bar:
         ready = Conversion.of(motion, source_file, body, recipe)
@@ -170,23 +170,23 @@ def retarget_command(
     write_outputs(contents, overwrite, onto)
     content = ()  # frees its numbers before metrics are measured
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
-    _say_what_is_odd(result, (*done.left_out(lost), *left_out), verbose)
+    _print_warnings(result, (*done.left_out(lost), *left_out), verbose)
     if kind == "BVH":
-        body_of = named.motion.skeleton
-        say(*refusals(body_of), *(python_refusals(body_of) if verbose else ()), err=True)
+        skeleton = named.motion.skeleton
+        say(*refusals(skeleton), *(python_refusals(skeleton) if verbose else ()), err=True)
     say(summary_line(result, seconds))
 
 
-def _say_what_is_odd(result: RetargetResult, left_out: Sequence[str], verbose: bool) -> None:
-    """Print what follows nothing, what of the files is left out, and the warnings."""
+def _print_warnings(result: RetargetResult, left_out: Sequence[str], verbose: bool) -> None:
+    """Print the joints without a source, the parts of the files that are left out, and the warnings."""
     others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
-    say(*(_account(result) if verbose else others), err=True)
+    say(*(_verbose_lines(result) if verbose else others), err=True)
     warnings = (*parts_without_source(result.matching), *left_out, *result.warnings)
     say(*(f"warning: {warning}" for warning in warnings), err=True)
 
 
 def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
-    """Raise a FileError if the character that is to be written comes first."""
+    """Raise a FileError if SOURCE and TARGET seem to be swapped: the output is a character, and only SOURCE is one."""
     is_character = OUTPUTS.get(output.suffix.lower()) == "character"
     is_animation = "VRMC_vrm_animation" in target.gltf.document.inner("extensions") if target.kind == "glTF" else False
     if is_character and source.kind == "glTF" and (is_animation or target.kind in ("BVH", "FBX")):
@@ -196,9 +196,9 @@ def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
 
 
 def _source_motion(source: InputFile, target: InputFile, recipe: Recipe) -> tuple[Motion, tuple[str, ...]]:
-    """The motion of the source, and what is left out; an error says so if source and target are swapped."""
-    usual = ".glb" if source.kind == "glTF" else ".bvh"
-    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT{usual}"
+    """The motion of the source, and what is left out; errors mention the order if source and target may be swapped."""
+    suffix = ".glb" if source.kind == "glTF" else ".bvh"
+    swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT{suffix}"
     order = f"if it is the target, it comes last: {swapped}"
     if source.kind == "skeleton":
         raise FileError(source.path, f"is a skeleton file, which has no motion, expected a motion as SOURCE; {order}")
@@ -213,7 +213,7 @@ def _source_motion(source: InputFile, target: InputFile, recipe: Recipe) -> tupl
         raise
 
 
-def _account(result: RetargetResult) -> Iterator[str]:
+def _verbose_lines(result: RetargetResult) -> Iterator[str]:
     """The lines of --verbose."""
     yield from headline(result.matching)
     for what, joints in (

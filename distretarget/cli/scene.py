@@ -22,11 +22,11 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     PATH,
     SUPPORTS_OPTION,
-    editing_together,
     file_option,
-    of_skin,
+    parse_skin,
     positive,
     quiet,
+    scene_edit_options,
 )
 from distretarget.cli.outputs import check_outputs, complain, say
 from distretarget.errors import DistretargetError, FileError, counted
@@ -51,8 +51,8 @@ from distretarget.report.scene_page import scene_page
 from distretarget.scene.retargeting import SceneResult
 from distretarget.scene.scene_file import EDITS, SCENE_NAME, PerformerFiles, SceneSetup, load_scene
 
-TOLD_DEPTH = 0.5  # performers that are less deep in each other are not told to be [% of height]
-EACH = {  # what is given once for all performers or once for each, as in `PerformerFiles`; and how errors call it
+REPORTED_DEPTH = 0.5  # least overlap of two performers that is printed [% of height]
+PER_PERFORMER = {  # fields of `PerformerFiles` that are given once for all or once for each, and their names in errors
     "target": "targets",
     "start": "starts",
     "skin": "skins",
@@ -74,8 +74,8 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
 @OVERWRITE_OPTION
 @file_option(
     "--report",
-    help="Write an HTML report to this file: all performers and props in one player. Of a folder of scenes each has "
-    "one of this name beside its results.",
+    help="Write an HTML report to this file: all performers and props in one player. For a folder of scenes, one of "
+    "this name beside the results of each.",
 )
 @click.option("--cut", is_flag=True, help="Cut all clips to the length of the shortest.")
 @click.option("--resample", is_flag=True, help="Give all clips the frame time of the first.")
@@ -84,9 +84,9 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
     multiple=True,
     type=click.FloatRange(min=0.0),
     metavar="SECONDS",
-    help="The time to leave out at the beginning of a clip: once for all, or once for each clip in order. Default: 0.",
+    help="The time to cut off at the beginning of a clip: once for all, or once for each clip in order. Default: 0.",
 )
-@editing_together
+@scene_edit_options
 @click.option(
     "--world-scale",
     type=positive,
@@ -99,21 +99,21 @@ EACH = {  # what is given once for all performers or once for each, as in `Perfo
 @click.option(
     "--skin",
     multiple=True,
-    type=of_skin,
+    type=parse_skin,
     metavar="[auto|average|BUILD|none|FILE]",
-    help="How thick a target is, as in retarget: once for all performers, or once for each in order. Default: auto.",
+    help="The thickness of a target, as in retarget: once for all, or once for each performer in order. Default: auto.",
 )
 @click.option(
     "--source-skin",
     multiple=True,
     type=PATH,
     metavar="[BUILD|FILE]",
-    help="How thick the performer of a source is, as in retarget: once for all, or once for each in order.",
+    help="The thickness of a source's performer, as in retarget: once for all, or once for each in order.",
 )
 @file_option(
     "--contacts",
     multiple=True,
-    help="Contacts to drop, make or change, as in retarget: once for all performers, or once for each in order. Frames "
+    help="Contacts to drop, add or change, as in retarget: once for all performers, or once for each in order. Frames "
     "count from the start of the scene.",
 )
 @quiet
@@ -123,9 +123,10 @@ def scene_command(
     """Retarget performers who share a world.
 
     SOURCES are their motion files, with the same frames. Each performer gets a body; hands that hold each other still
-    do so on the new bodies. Results have the names of the sources. A single SCENE.json says all of that, and which
-    props the performers touch. Of a folder, every scene.json below it is retargeted, to the same place below OUTPUT;
-    scenes that are done and unchanged are skipped, as results.sqlite in OUTPUT says, and one that fails stops no other.
+    do so on the new bodies. Results are named after the sources. A single SCENE.json describes all of that, and the
+    props that the performers touch. Given a folder, every scene.json below it is retargeted, to the same place below
+    OUTPUT; scenes that are done and unchanged, by results.sqlite in OUTPUT, are skipped, and one that fails stops no
+    other.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
@@ -142,11 +143,11 @@ def scene_command(
     else:
         setup = load_scene(path)
 
-    def put(contents: Mapping[Path, Content]) -> None:
+    def write(contents: Mapping[Path, Content]) -> None:
         for path, content in contents.items():
             write_whole(path, content, overwrite)
 
-    _retarget_scene(setup, *_outputs(setup, output), report, overwrite, put)
+    _retarget_scene(setup, *_outputs(setup, output), report, overwrite, write)
 
 
 def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
@@ -163,12 +164,12 @@ def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
 
 def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
     """The scene that the command line describes."""
-    given = {field: values for field in EACH if (values := options.pop(field))}
+    given = {field: values for field in PER_PERFORMER if (values := options.pop(field))}
     for field, values in given.items():
         if len(values) not in (1, len(sources)):
             raise click.UsageError(
-                f"{len(values)} {EACH[field]} for {len(sources)} performers; give one for all, or one for each, in "
-                "their order."
+                f"{len(values)} {PER_PERFORMER[field]} for {len(sources)} performers; give one for all, or one for "
+                "each, in their order."
             )
     if "none" in given.get("skin", ()) and "source_skin" in given:
         raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
@@ -181,7 +182,7 @@ def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
 
 
 def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:
-    """Retarget all scenes of a folder; those that fail do not stop the others, those that are done are left out."""
+    """Retarget all scenes of a folder; failures do not stop the others, and scenes that are done are skipped."""
     files = sorted(path.rglob(SCENE_NAME))
     if not files:
         raise FileError(path, f"has no {SCENE_NAME} in it or below")
@@ -202,9 +203,8 @@ def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:
 
 
 def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Path | None) -> bool:
-    """Retarget the scene in a file into a folder in that of all results, unless it is done; return whether it was not.
-
-    The report has the name of `report`, in the same folder.
+    """Retarget the scene in a file into a folder below that of all results, with a report of the name of `report`;
+    return False if it was done before.
     """
     setup = load_scene(file)
     targets, outputs = _outputs(setup, folder)
@@ -220,11 +220,11 @@ def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Pa
     for name in names:
         results.check_replaceable(record, name)
 
-    def put(contents: Mapping[Path, Content]) -> None:
+    def write(contents: Mapping[Path, Content]) -> None:
         parts = ([*encoded_parts(content)] for content in contents.values())
         results.put(record, dict(zip(names, parts, strict=True)))
 
-    _retarget_scene(setup, targets, outputs, report, True, put)
+    _retarget_scene(setup, targets, outputs, report, True, write)
     return True
 
 
@@ -244,11 +244,9 @@ def _retarget_scene(
     outputs: Sequence[Path],
     report: Path | None,
     overwrite: bool,
-    put: Callable[[Mapping[Path, Content]], object],
+    write: Callable[[Mapping[Path, Content]], object],
 ) -> None:
-    """Retarget a scene, let its files be `put` into their folder, which goes again if nothing gets into it, and print
-    how it went.
-    """
+    """Retarget a scene, `write` its files, and print a summary. A folder made for them is removed if it stays empty."""
     folder = outputs[0].parent
     existed = is_folder(folder)
     make_folder(folder)
@@ -263,21 +261,21 @@ def _retarget_scene(
         }
         props = zip(outputs[len(clips) :], result.props, strict=True)
         contents |= {path: [*bvh_parts(prop.motion)] for path, prop in props}
-        held = [
+        written = [
             replace(one, motion=as_written(one.motion, OUTPUTS[path.suffix.lower()], target=target))
             for one, path, target in zip(result.results, outputs, targets, strict=False)
         ]
-        result, seconds = replace(result, results=tuple(held)), time.perf_counter() - began
-        put(contents | ({report: scene_page(result, setup.names)} if report else {}))
+        result, seconds = replace(result, results=tuple(written)), time.perf_counter() - began
+        write(contents | ({report: scene_page(result, setup.names)} if report else {}))
     finally:
         if not existed:
             with contextlib.suppress(OSError):  # it is not empty
                 folder.rmdir()
-    _say_how_it_went(setup, outputs, result, seconds)
+    _print_summary(setup, outputs, result, seconds)
 
 
-def _say_how_it_went(setup: SceneSetup, outputs: Sequence[Path], result: SceneResult, seconds: float) -> None:
-    """Print what is to be said of each performer, and of the contacts between them."""
+def _print_summary(setup: SceneSetup, outputs: Sequence[Path], result: SceneResult, seconds: float) -> None:
+    """Print warnings and metrics of each performer, and of the contacts between performers."""
     for path, one in zip(outputs, result.results, strict=False):
         for warning in one.warnings:
             say(f"warning: {path.name}: {warning}", err=True)
@@ -302,7 +300,7 @@ def _say_how_it_went(setup: SceneSetup, outputs: Sequence[Path], result: SceneRe
                 f"({100 * gap.a:.1f} on average in the source, {100 * copy.b:.1f} in copied rotations)"
             )
         overlap = result.overlaps.get((i, j))
-        if overlap and overlap.depth > TOLD_DEPTH:
+        if overlap and overlap.depth > REPORTED_DEPTH:
             line += f"; {overlap.sentence}"
         say(f"{setup.names[i]} and {setup.names[j]}: {line}")
     if any(gap and both not in result.skin_gaps for both, gap in result.gaps.items()):

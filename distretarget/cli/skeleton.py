@@ -37,11 +37,11 @@ from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import LIMB_SEGMENTS, SEGMENTS, Capsules
 from distretarget.target import SkeletonEdit, Target
 
-METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # in words
-MATCHING = ("target joint", "source joint", "confidence", "method")  # the columns of a matching
+METHODS = {"map": "map", "name": "equal name", "names": "names", "shape": "shape", "tip": "tip"}  # as printed
+MATCHING = ("target joint", "source joint", "confidence", "method")  # the columns of the printed matching
 
 
-def of_bone(text: str) -> tuple[str, float]:
+def parse_bone(text: str) -> tuple[str, float]:
     """The name and the positive number in a text NAME=NUMBER."""
     name, _, number = text.rpartition("=")
     if not name:
@@ -57,8 +57,8 @@ def skeleton_command() -> None:
 @skeleton_command.command("show")
 @click.argument("file", type=FileOrStandard())
 def show_command(file: Path) -> None:
-    """Print the tree of joints of FILE, a character, BVH or skeleton file, with its bone lengths, and how thick its
-    parts are.
+    """Print the tree of joints of FILE, a character, BVH or skeleton file, with bone lengths and the thickness of parts
+    of the body.
 
     \b
     distretarget skeleton show hero.glb
@@ -108,7 +108,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
 @click.option(
     "--length",
     "lengths",
-    type=of_bone,
+    type=parse_bone,
     multiple=True,
     metavar="BONE=LENGTH",
     help="The final length of a bone [file units], not scaled. May be given several times.",
@@ -116,7 +116,7 @@ def export_command(file: Path, output: Path, strip_namespace: bool, overwrite: b
 @click.option(
     "--factor",
     "factors",
-    type=of_bone,
+    type=parse_bone,
     multiple=True,
     metavar="BONE=FACTOR",
     help="An additional factor for a bone. May be given several times.",
@@ -160,7 +160,7 @@ def edit_command(
 @skeleton_command.command("match")
 @click.argument("source", type=FileOrStandard())
 @click.argument("target", type=FileOrStandard())
-@map_option(type=FileOrStandard(), help="A map file whose pairs overrule all others.")
+@map_option(type=FileOrStandard(), help="A map file whose pairs override all others.")
 @rest_option(type=FileOrStandard())
 @click.option("-o", "--output", type=FileOrStandard(), help="The map file to write.")
 @OVERWRITE_OPTION
@@ -175,8 +175,8 @@ def match_command(
     If source and target have different numbers of joints in the spine or neck, a target joint may blend two source
     joints.
 
-    Give the map to 'distretarget retarget' with --map. It has null for joints that nothing drives, and the pose that
-    --rest gives, so that all clips of the rig are aligned by it.
+    Give the map to 'distretarget retarget' with --map. It has null for joints without a driver, and the pose of --rest,
+    by which all clips of the rig are then aligned.
 
     \b
     distretarget skeleton match walk.bvh robot.bvh
@@ -203,19 +203,19 @@ def match_command(
 
 
 def _target_in(file: InputFile) -> tuple[str, Target]:
-    """The whole skeleton in a file, after its name or else the file's."""
+    """The target in a file, and its name, or else the file's."""
     target = parse_full_target(file)
     return target.name or Path(file.path).stem, target
 
 
 def _radii(target: Target) -> Mapping[int, float]:
-    """The radii of joints that a target's file states, or that its mesh shows [file units]."""
+    """The radii of joints in a target's file, or measured on its mesh [file units]."""
     mesh = target.mesh()
     return target.radii if mesh is None else radii_of(capsules_of(Body.of(target.skeleton), mesh))
 
 
 def _body_in(file: InputFile) -> Body:
-    """The body in a file that is a source: as its motion shows it, or of a file without one as it rests."""
+    """The body in a source's file, from its motion, or if it has none from its rest pose."""
     if file.kind != "skeleton":
         with contextlib.suppress(FileError):  # no animation, or several
             return Body.of_motion(parse_motion(file)[0])
@@ -225,9 +225,8 @@ def _body_in(file: InputFile) -> Body:
 def _bones(
     file: str | Path, skeleton: Skeleton, given: Mapping[str, Sequence[tuple[str, float]]]
 ) -> dict[str, dict[str, float]]:
-    """The numbers of the bones that options name, by option and bone; `given` are names or patterns, and numbers.
-
-    It is an error if an option names no bone, or a second one the same bone.
+    """The numbers given to bones, by option and bone, from names or patterns with numbers, `given` by option. A
+    FileError if a name matches no bone, or a bone is named twice.
     """
     bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
     chosen: dict[str, dict[str, float]] = {option: {} for option in given}
@@ -245,7 +244,7 @@ def _bones(
 
 
 def _thickness(target: Target, capsules: Capsules, height: float) -> Iterator[str]:
-    """The lines on how thick a body is: each part, its mean thickness, and that in % of the height."""
+    """The lines on a body's thickness: the parts, their mean thickness, and the same in % of the height."""
     if not len(capsules):
         return
     average = f"an average {age_of(Body.of(target.skeleton, target.motion))}"
@@ -275,7 +274,7 @@ def _tree(skeleton: Skeleton) -> Iterator[str]:
 
 
 def recognised(body: Body) -> str:
-    """Return how the parts of a body were recognised, in words."""
+    """Return a phrase that says how the parts of a body were recognised."""
     if body.anatomy and body.anatomy.method == "humanoid":
         return "joints as the humanoid in the file says"
     if title := convention_of(body.skeleton):
@@ -284,7 +283,7 @@ def recognised(body: Body) -> str:
 
 
 def headline(matching: Matching) -> Iterator[str]:
-    """Yield how source and target were recognised, and how many joints each method matched."""
+    """Yield lines on how source and target were recognised, and how many joints each method matched."""
     for name, body in (("source", matching.source), ("target", matching.target)):
         yield f"{name}: {recognised(body)}"
     joints = matching.target.skeleton.joints
@@ -294,7 +293,7 @@ def headline(matching: Matching) -> Iterator[str]:
 
 
 def matching_rows(matching: Matching) -> Iterator[str]:
-    """Yield a table of the target's joints, depth first without End Sites."""
+    """Yield the lines of a table of the target's joints, depth first without End Sites, and their matches."""
     target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
     return table_lines([MATCHING, *(_pair(matching, joint) for joint in target.depth_first if joint in joints)], "<<<<")
 
@@ -308,7 +307,7 @@ def _pair(matching: Matching, joint: int) -> tuple[str, str, str, str]:
 
 
 def _rotation(matching: Matching, joint: int) -> str:
-    """The source joints that a joint's rotation follows, if not its driver alone."""
+    """A phrase on the source joints whose rotations a joint follows; empty if that is its driver alone."""
     keys, weight = matching.source.skeleton.keys, matching.blend[joint]
     (a, b), driver = matching.rotation_sources[joint], matching.drivers[joint]
     if a == b or weight in (0, 1):

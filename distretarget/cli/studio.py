@@ -20,7 +20,7 @@ from distretarget.io.files import read_bytes
 
 NEEDED = ("starlette", "uvicorn")
 HOST = "127.0.0.1"
-M_ARENA_MAX, ARENAS = -8, 2  # glibc's number of the setting, and how many heaps threads share
+M_ARENA_MAX, ARENAS = -8, 2  # glibc's key of the setting, and the number of heaps that threads share
 
 
 @click.command("studio")
@@ -31,9 +31,8 @@ M_ARENA_MAX, ARENAS = -8, 2  # glibc's number of the setting, and how many heaps
 def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None:
     """Retarget on a page in the browser.
 
-    Drop clips and a character on the page, see and change the result, and take it away. FILES are dropped at once. The
-    page is served by this machine to itself alone, at an address that only the page knows. Nothing that is dropped is
-    kept on disk. Ctrl+C ends it.
+    Drop clips and a character on the page, see and change the result, and download it. FILES are loaded at the start.
+    Only this machine can open the page, at a secret address. Dropped files are not stored on disk. Ctrl+C ends it.
 
     \b
     distretarget studio
@@ -44,12 +43,12 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
     _share_heaps()
     import uvicorn
 
-    from distretarget.studio.bench import Bench
     from distretarget.studio.server import studio_app
+    from distretarget.studio.session import Session
 
-    bench, dropped = Bench(), []
+    session, dropped = Session(), []
     for path in files:
-        dropped.append(str(bench.add(path.name, read_bytes(path))["id"]))
+        dropped.append(str(session.add(path.name, read_bytes(path))["id"]))
     try:
         listening = socket.create_server((HOST, port))
     except OSError as error:
@@ -60,10 +59,10 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
 
     class Server(uvicorn.Server):
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-            bench.end()
+            session.end()
             super().handle_exit(sig, frame)
 
-    app = studio_app(token, port, bench)
+    app = studio_app(token, port, session)
     server = Server(
         uvicorn.Config(app, log_level="warning", access_log=False, server_header=False, timeout_graceful_shutdown=1)
     )
@@ -73,7 +72,7 @@ def studio_command(files: tuple[Path, ...], port: int, no_browser: bool) -> None
 
 
 def _share_heaps() -> None:
-    """Let threads share heaps where the C library is glibc, so that each does not keep what it has freed."""
+    """Let threads share heaps if the C library is glibc; with a heap per thread, freed memory would stay in each."""
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
     if mallopt:
         mallopt(M_ARENA_MAX, ARENAS)

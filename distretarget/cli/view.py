@@ -17,7 +17,7 @@ from distretarget.io.formats import ARRAYS, FORMATS
 from distretarget.report.actors import Actor
 from distretarget.report.stage import MOST, actors_of, view_page
 
-SUFFIXES = tuple(  # of files that are looked for in a folder
+SUFFIXES = tuple(  # of the files in a folder that are shown
     suffix for each in FORMATS if each is not ARRAYS for suffix in each.motions + each.others
 )
 
@@ -32,8 +32,8 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     """Look at motions and characters in the browser.
 
     FILES are BVH, glTF, VRM, VRMA, FBX and skeleton files, or folders of them. A character is shown with its mesh, any
-    other body as thick as an average one. Of a file with several animations all are shown, or that of --clip. The
-    page is one file that asks for nothing from the network. - means standard input or output.
+    other body with an average thickness. All animations of a file are shown, or only that of --clip. The page is a
+    single file that loads nothing from the network. - means standard input or output.
 
     \b
     distretarget view walk.bvh
@@ -46,7 +46,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
     actors = [actor for actors in shown for actor in actors][:MOST]
     if len(chosen) > MOST or sum(map(len, shown)) > MOST:
         say(f"the first {MOST} are shown; name fewer files, or one animation with --clip, to see the others", err=True)
-    # What was retargeted to a character is the last of its animations.
+    # A motion that was retargeted to a character is the last of its animations.
     first = min(len(shown[0]), len(actors)) - 1
     page = view_page(actors, Path(chosen[0]).name if len(shown) == 1 else counted(len(shown), "file"), first)
     if output:
@@ -60,11 +60,7 @@ def view_command(files: tuple[Path, ...], output: Path | None, clip: str | None,
 
 
 def _chosen(files: Sequence[Path]) -> list[Path]:
-    """The files, and those in folders.
-
-    Raises:
-        FileError: there is nothing to see in a folder.
-    """
+    """The files, with folders replaced by the files in them; a FileError if a folder has none to show."""
     found: list[Path] = []
     for path in files:
         inside = [path]
@@ -77,10 +73,8 @@ def _chosen(files: Sequence[Path]) -> list[Path]:
 
 
 def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[list[Actor]]:
-    """The actors of each file; files of a folder, not `named` themselves, are left out if they cannot be read.
-
-    Raises:
-        DistretargetError: one that is named cannot be read, or none can.
+    """Yield the actors of each file. Files in folders that cannot be read are left out with a warning; the error is
+    raised if the file is `named` itself, or if no file can be read.
     """
     side, fault = 0, None
     for path in chosen:

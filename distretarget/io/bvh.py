@@ -1,4 +1,4 @@
-"""Reading BVH files: their words, joints and numbers, each checked, become a motion. Errors name the line."""
+"""Read BVH files. Every keyword, name and number is checked; errors name the line."""
 
 from __future__ import annotations
 
@@ -31,17 +31,17 @@ COUNT = re.compile(r"\d{1,18}", re.ASCII)
 BLANKS = " \t\v\f"
 NOISE = 0.01  # position channels that stay this close to zero are noise [length of the OFFSET]
 MILLISECONDS = 4.0, 100.0  # a frame time from 10 to 250 frames/s, if it is in milliseconds [s]
-MAX_DEPTH = 400  # joints above a joint; bodies have about 40
+MAX_DEPTH = 400  # ancestors of a joint; bodies have about 40
 CHANNELS = {name.upper(): name for name in ALL_CHANNELS}
 KEYWORDS = ("HIERARCHY", "ROOT", "JOINT", "END", "OFFSET", "CHANNELS", "MOTION", "{", "}", "")
 
 
 class Words:
-    """Reads a text word by word. A brace is a word of its own; at the end of the text words are empty."""
+    """A text, read word by word. A brace is a word; at the end of the text, words are empty."""
 
     def __init__(self, path: str | Path, text: str) -> None:
         self.path, self.text = path, text
-        self.at = 0  # the position up to which it has been read
+        self.at = 0  # the position up to which the text has been read
         self._word_at = 0
 
     def take(self) -> str:
@@ -71,8 +71,8 @@ class Words:
         self.at = found.end()
 
     def name(self) -> str:
-        """The rest of the line, up to a brace; inner blanks stay."""
-        found = next(NAME.finditer(self.text, self.at))  # perhaps empty
+        """The rest of the line, up to a brace, with inner blanks; may be empty."""
+        found = next(NAME.finditer(self.text, self.at))
         self.at = found.end()
         return found.group().strip(BLANKS)
 
@@ -91,14 +91,14 @@ class Words:
         return int(word)
 
     def refuse(self, found: str, expected: str) -> NoReturn:
-        """Raise the error for a word that is not what was expected."""
+        """Raise the error for the last word taken, `found` where `expected` had to be."""
         what = f"found {cut(found)!r}" if found else "the file ends"
         raise self.error(f"{what}, expected {expected}")
 
     def error(self, reason: str, at: int | None = None) -> BvhError:
         """An error at a position in the text, by default at the last word taken."""
         at = self._word_at if at is None else at
-        before = self.text[:at] if at < len(self.text) else self.text.rstrip()  # at the end, the last line with words
+        before = self.text[:at] if at < len(self.text) else self.text.rstrip()  # at the end: the last line with words
         return BvhError(self.path, 1 + len(LINE_END.findall(before)), reason)
 
 
@@ -117,14 +117,14 @@ def read_bvh(path: str | Path) -> Motion:
     (`add_offsets`); End Sites become joints called `<parent>_End`, `<parent>_End2`, ...
 
     Raises:
-        FileError, BvhError: the file cannot be read as text, or is not a whole BVH file.
+        FileError, BvhError: the file cannot be read as text, or is not a complete BVH file.
 
     Warns:
-        UserWarning: it has a frame more or less than it declares, or a frame time as if in milliseconds.
+        UserWarning: it has one frame more or fewer than declared, or a frame time that seems to be in milliseconds.
     """
     text = read_text(path)
     motion = parse_bvh(text, path)
-    for note in doubts(text, motion):
+    for note in bvh_warnings(text, motion):
         warnings.warn(note, stacklevel=2)
     return motion
 
@@ -138,8 +138,8 @@ def parse_bvh(text: str, path: str | Path) -> Motion:
     return _take_motion(words, skeleton)
 
 
-def doubts(text: str, motion: Motion) -> Iterator[str]:
-    """Yield what is doubtful in the text of a BVH file with a motion, a line each."""
+def bvh_warnings(text: str, motion: Motion) -> Iterator[str]:
+    """Yield the warnings of `read_bvh`, a line each, for a BVH text and the motion in it."""
     declared = declared_frames(text)
     if declared != len(motion):
         yield f"the file declares {declared} frames and has {len(motion)}; these are read"
@@ -149,13 +149,13 @@ def doubts(text: str, motion: Motion) -> Iterator[str]:
 
 
 def parse_bvh_skeleton(text: str, path: str | Path) -> Skeleton:
-    """Return the skeleton in the HIERARCHY of a BVH file, or raise a BvhError; the MOTION may be missing or broken,
-    unless joints below the root have position channels: then the frames give the bones (`Motion.rigid_skeleton`).
+    """Return the skeleton in the HIERARCHY of a BVH file, or raise a BvhError. The MOTION may be missing or damaged,
+    unless joints below the root have position channels: then bone lengths come from it (`Motion.rigid_skeleton`).
     """
     words = Words(path, text)
     skeleton = _take_skeleton(words)
     has_motion = _take_motion_keyword(words)
-    return _take_motion(words, skeleton).rigid_skeleton if has_motion and _sliding(skeleton).size else skeleton
+    return _take_motion(words, skeleton).rigid_skeleton if has_motion and _positioned(skeleton).size else skeleton
 
 
 def declared_frames(text: str) -> int | None:
@@ -168,7 +168,7 @@ def declared_frames(text: str) -> int | None:
 
 
 def _take_skeleton(words: Words) -> Skeleton:
-    """The skeleton in a HIERARCHY; clips of one rig share it, with all that is found out about it."""
+    """The skeleton in a HIERARCHY; clips of one rig share the object, and so what is cached on it."""
     with suppress(BvhError):
         skeleton, words.at = _skeleton_in(words.text[: words.text.find("\nMOTION") + 1])
         return skeleton
@@ -217,11 +217,11 @@ def _new_skeleton(words: Words) -> Skeleton:
             end_sites=np.array(end_sites),
         )
     except SkeletonError as error:
-        raise words.error(str(error), places[_twin(names, parents)]) from error
+        raise words.error(str(error), places[_first_duplicate(names, parents)]) from error
 
 
 def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequence[bool]) -> tuple[str, ...]:
-    """Return the names of joints, those of End Sites being `<parent>_End`, `<parent>_End2`, ...; parents first."""
+    """Return the names of joints, parents first, with End Sites named `<parent>_End`, `<parent>_End2`, ..."""
     taken = {name for name, end_site in zip(names, end_sites, strict=True) if not end_site}
     unused: defaultdict[str, Iterator[str]] = defaultdict(lambda: itertools.chain([""], map(str, itertools.count(2))))
     complete: list[str] = []
@@ -232,8 +232,8 @@ def joint_names(names: Sequence[str], parents: Sequence[int], end_sites: Sequenc
     return tuple(complete)
 
 
-def _twin(names: Sequence[str], parents: Sequence[int]) -> int:
-    """The first joint whose names from the root down are those of an earlier joint, else the root."""
+def _first_duplicate(names: Sequence[str], parents: Sequence[int]) -> int:
+    """The first joint with the same names from the root down as an earlier joint, else the root."""
     paths: list[tuple[str, ...]] = []
     for name, parent in zip(names, parents, strict=True):
         paths.append((*(paths[parent] if parent >= 0 else ()), name))
@@ -246,7 +246,7 @@ def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     frame_time_text, values = _take_frames(words, sum(map(len, skeleton.channels)))
     column = itertools.count()
     columns = [{channel: next(column) for channel in channels} for channels in skeleton.channels]
-    joints = np.append(0, _sliding(skeleton))
+    joints = np.append(0, _positioned(skeleton))
     translations = np.tile(skeleton.offsets[joints], (len(values), 1, 1))
     for row, joint in enumerate(joints):
         for component, channel in enumerate(POSITION_CHANNELS):
@@ -260,19 +260,19 @@ def _take_motion(words: Words, skeleton: Skeleton) -> Motion:
     return Motion(skeleton, np.ascontiguousarray(translations[:, 0]), rotations, frame_time_text, moving)
 
 
-def _sliding(skeleton: Skeleton) -> NDArray[np.intp]:
+def _positioned(skeleton: Skeleton) -> NDArray[np.intp]:
     """The joints below the root that have position channels."""
-    slides = [not set(POSITION_CHANNELS).isdisjoint(channels) for channels in skeleton.channels[1:]]
-    return np.flatnonzero(slides) + 1
+    positioned = [not set(POSITION_CHANNELS).isdisjoint(channels) for channels in skeleton.channels[1:]]
+    return np.flatnonzero(positioned) + 1
 
 
 def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
-    """Add the OFFSETs to position channels that hold only noise, as MakeHuman's, where several joints below the root
-    have such, most within `NOISE` of zero though their OFFSETs are not; `translations` are (frames, joints, 3).
+    """Add the OFFSETs to `translations`, (frames, joints, 3), in place, if the position channels below the root hold
+    only noise, as in MakeHuman's files: at least two joints have some, most stay within `NOISE` of zero.
     """
     sizes = skeleton.lengths[joints]
-    slides = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]
-    rows = np.flatnonzero(slides & (sizes > 0))
+    positioned = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]
+    rows = np.flatnonzero(positioned & (sizes > 0))
     if len(rows) < 2 or not len(translations):
         return
     largest = lengths(translations[:, rows]).max(axis=0)
@@ -281,7 +281,7 @@ def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Arra
 
 
 def _rotations(skeleton: Skeleton, columns: Sequence[Mapping[str, int]], values: Array) -> Array:
-    """(frames, joints, 4), the local rotations in the `values`, (frames, channels), at the `columns` of each joint."""
+    """Local rotations, (frames, joints, 4), from channel `values`, (frames, channels); `columns` are per joint."""
     rotations = np.tile(skeleton.rest_rotations, (len(values), 1, 1))
     orders: defaultdict[str, list[int]] = defaultdict(list)
     for joint in range(len(skeleton)):
@@ -310,7 +310,7 @@ def _take_channels(words: Words) -> tuple[str, ...]:
 
 
 def _take_motion_keyword(words: Words) -> bool:
-    """Pass MOTION; false where the file ends instead, BvhError where something else follows the hierarchy."""
+    """Pass MOTION; return False if the file ends instead. A BvhError if anything else follows the hierarchy."""
     word = words.take()
     if word.upper() == "ROOT":
         raise words.error("found a second ROOT, expected MOTION: one skeleton in a file")
@@ -325,7 +325,7 @@ def _take_frame_count(words: Words) -> int:
 
 
 def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]:
-    """The frame time as written [s], and the values, (frames, channels); perhaps a frame more or less than declared."""
+    """The frame time as written [s], and the values, (frames, channels): as declared, or one frame more or fewer."""
     declared, at = _take_frame_count(words), words.at
     words.label("Frame Time")
     time = words.take()
@@ -345,7 +345,7 @@ def _take_frames(words: Words, channels: int) -> tuple[str, NDArray[np.float64]]
 
 
 def _take_numbers_singly(words: Words) -> NDArray[np.float64]:
-    """All numbers to the end of the text, slowly, to name the first word that is not a number up to `LARGEST`."""
+    """All numbers to the end of the text; slow, but the error names the first word that is not a valid number."""
     numbers: list[float] = []
     while word := words.take():
         if not is_number(word):

@@ -1,4 +1,4 @@
-"""Writing BVH files; and which other programs cannot read one."""
+"""Write BVH files; list which other programs cannot read them."""
 
 from __future__ import annotations
 
@@ -25,15 +25,15 @@ from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import POSITION_CHANNELS, Skeleton
 
 ANGLE_DECIMALS = 6  # decimals of an angle in degrees
-SURROGATES = re.compile(r"[\ud800-\udfff]")  # they hold bytes that are not UTF-8
+SURROGATES = re.compile(r"[\ud800-\udfff]")  # stand for bytes that are not UTF-8
 
 
 def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None:
-    """Write a motion to a BVH file, whole or not at all.
+    """Write a motion to a BVH file, complete or not at all.
 
-    Offsets have all their digits, angles 6 decimals, continuous from frame to frame, positions as many as 1e-8 of the
-    body needs, at least 6. The root's OFFSET is zero where a channel replaces it: readers disagree on whether to add
-    the two. A body that looks to -Z, as in VRM 0, is turned round to +Z.
+    Offsets are written with all digits; angles with 6 decimals, continuous from frame to frame; positions with at least
+    6 decimals and a resolution of 1e-8 of the body's size. The root's OFFSET is zero where a channel replaces it, since
+    readers disagree on whether to add the two. A body that faces -Z, as in VRM 0, is turned to face +Z.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
@@ -43,13 +43,13 @@ def write_bvh(path: str | Path, motion: Motion, overwrite: bool = False) -> None
 
 
 def bvh_parts(motion: Motion) -> Iterator[str]:
-    """Return the BVH text of a motion in parts, each of which is made when it is taken; errors as in `write_bvh`."""
+    """Return the BVH text of a motion in parts, made one by one; errors as in `write_bvh`."""
     check_kind("motion", motion, Motion)
-    motion = _with_channels(motion.facing_forward())  # as readers of BVH expect it
-    longest = motion.skeleton.longest_path
-    fine = max(6, math.ceil(8 - math.log10(longest))) if 0 < longest < math.inf else 6  # for 1e-8 of the longest path
+    motion = _with_channels(motion.facing_forward())  # readers of BVH expect +Z
+    size = motion.skeleton.longest_path
+    position_decimals = max(6, math.ceil(8 - math.log10(size))) if 0 < size < math.inf else 6  # for 1e-8 of the size
     channels = (channel for joint in motion.skeleton.depth_first for channel in motion.skeleton.channels[joint])
-    decimals = [fine if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
+    decimals = [position_decimals if channel in POSITION_CHANNELS else ANGLE_DECIMALS for channel in channels]
     paths = [motion.root_positions, *([motion.moving.translations] if motion.moving else [])]
     if not np.isfinite([extent(path) for path in paths]).all():
         raise MotionError("a position is not finite and cannot be written")
@@ -59,7 +59,7 @@ def bvh_parts(motion: Motion) -> Iterator[str]:
 
 
 def _with_channels(motion: Motion) -> Motion:
-    """The motion with a channel for each position of a joint that changes."""
+    """The motion with a position channel for each translation component below the root that changes."""
     if motion.moving is None:
         return motion
     skeleton, channels = motion.skeleton, list(motion.skeleton.channels)
@@ -72,7 +72,7 @@ def _with_channels(motion: Motion) -> Motion:
     return replace(motion, skeleton=replace(skeleton, channels=tuple(channels)))
 
 
-@lru_cache(maxsize=4)  # clips on one skeleton share it
+@lru_cache(maxsize=4)  # clips on one skeleton share the text
 def _hierarchy(skeleton: Skeleton) -> str:
     order, depths = skeleton.depth_first, skeleton.depths
     if (deepest := int(depths.max())) > MAX_DEPTH:
@@ -86,7 +86,7 @@ def _hierarchy(skeleton: Skeleton) -> str:
 
 
 def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
-    """A joint up to its children. The root's offset is zero where a channel replaces it."""
+    """The lines of a joint, without children. The root's offset is zero where a channel replaces it."""
     name, channels = skeleton.names[joint], skeleton.channels[joint]
     if not skeleton.end_sites[joint] and not is_name(name):
         raise SkeletonError(f"BVH cannot hold the joint name {name!r}; rename it")
@@ -100,10 +100,10 @@ def _joint_lines(skeleton: Skeleton, joint: int) -> Iterator[str]:
 
 
 def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
-    """Yield the values in blocks, (frames, channels), depth first: positions, and angles [degrees]; no minus zero."""
+    """Yield the channel values, positions and angles [degrees], in blocks, (frames, channels), without minus zero."""
     skeleton, columns = motion.skeleton, itertools.count()
-    paths: list[tuple[list[int], Array]] = []  # columns, and what is in them in the whole clip
-    alike: defaultdict[str, list[tuple[int, list[int]]]] = defaultdict(list)
+    paths: list[tuple[list[int], Array]] = []  # some columns, and their values in the whole clip
+    by_order: defaultdict[str, list[tuple[int, list[int]]]] = defaultdict(list)  # joints and their columns
     for joint in skeleton.depth_first:
         column = {channel: next(columns) for channel in skeleton.channels[joint]}
         places = motion.translations_of(joint)
@@ -113,33 +113,33 @@ def _channel_values(motion: Motion, decimals: Sequence[int]) -> Iterator[Array]:
         axes = skeleton.rotation_axes(joint)
         own = [column[f"{axis}rotation"] for axis in axes]
         if len(axes) == 3:
-            alike[axes].append((joint, own))
+            by_order[axes].append((joint, own))
         elif axes:
             paths.append((own, np.degrees(euler_angles(motion.rotations[:, joint], axes))))
-    turning = []
-    for axes, some in alike.items():
-        joints, angles = (np.array(each, np.intp) for each in zip(*some, strict=True))
-        turning.append((joints, axes, angles, angle_state(len(some))))
-    least = np.array([0.5 * 10.0**-places for places in decimals])
+    groups = []
+    for axes, pairs in by_order.items():
+        joints, angles = (np.array(each, np.intp) for each in zip(*pairs, strict=True))
+        groups.append((joints, axes, angles, angle_state(len(pairs))))
+    half_digit = np.array([0.5 * 10.0**-places for places in decimals])
     for block in blocks_of(len(motion)):
         values = np.empty((block.stop - block.start, len(decimals)))
         for own, path in paths:
             values[:, own] = path[block]
-        for each in turning:
-            write_channel_angles(motion.rotations[block], *each, values)
-        values[np.abs(values) <= least] = 0.0
+        for group in groups:
+            write_channel_angles(motion.rotations[block], *group, values)
+        values[np.abs(values) <= half_digit] = 0.0
         yield values
 
 
 def refusals(skeleton: Skeleton) -> Iterator[str]:
-    """Yield a line for names in a skeleton that three.js cannot play, with what helps; docs/interop.md tests it."""
-    if spaced := [name for name in _names(skeleton) if ":" in name]:
-        plain = spaced[0].rpartition(":")[2]
-        yield f"three.js cannot play joints with names like {spaced[0]!r}; --strip-namespace writes {plain!r}"
+    """Yield a line if three.js cannot play a skeleton with these joint names, with the cure; see docs/interop.md."""
+    if namespaced := [name for name in _names(skeleton) if ":" in name]:
+        plain = namespaced[0].rpartition(":")[2]
+        yield f"three.js cannot play joints with names like {namespaced[0]!r}; --strip-namespace writes {plain!r}"
 
 
 def python_refusals(skeleton: Skeleton) -> Iterator[str]:
-    """Yield a line for each thing in a skeleton that readers for Python refuse; docs/interop.md tests them."""
+    """Yield a line for each reason why bvhio or pybvh cannot read a skeleton; see docs/interop.md."""
     if unknown := [name for name in _names(skeleton) if SURROGATES.search(name)]:
         yield f"bvhio and pybvh cannot read names that are not UTF-8, as {unknown[0]!r}; rename the target's joints"
     for joint in skeleton.joints:

@@ -1,4 +1,4 @@
-"""Contact files: JSON that says which contacts of a clip to keep, drop, make or change, and what was found in it."""
+"""Contact files: JSON that lists which contacts of a clip to keep, drop, add or change, and which were detected."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from distretarget.io.files import read_text
 from distretarget.io.json_node import Node, on_lines, on_one_line, parse_json
 
 HEADER: dict[str, object] = {"format": "distretarget-contacts", "version": 1}
-SUFFIX = ".contacts.json"  # of a file beside a clip, instead of the clip's ending
+SUFFIX = ".contacts.json"  # replaces the clip's own in the name of a contact file beside it
 KINDS: dict[str, type[Entry]] = {"between": Contact, "plant": Plant, "distance": Distance, "look": Look}
-OF_ALL = ("frames", "seconds", "found")  # keys that all entries may have
+COMMON_KEYS = ("frames", "seconds", "found")  # of all kinds of entries
 
 
 def load_contacts(path: str | Path) -> ContactList:
@@ -35,7 +35,7 @@ def parse_contacts(text: str, path: str | Path) -> ContactList:
 
 
 def contacts_to_json(contacts: ContactList) -> str:
-    """Return the text of a contact file, with an entry a line."""
+    """Return the text of a contact file, one entry per line."""
     return f"{on_lines(HEADER | {'contacts': [_plain(entry) for entry in contacts]}, 2)}\n"
 
 
@@ -46,26 +46,26 @@ def entry_to_json(entry: Entry) -> str:
 
 def _plain(entry: Entry) -> dict[str, Any]:
     """An entry as JSON values, without defaults."""
-    usual = {each.name: each.default for each in fields(entry)} | {"like": None}
-    usual |= {} if entry.has_effect else {"keep": None}
+    defaults = {each.name: each.default for each in fields(entry)} | {"like": None}
+    defaults |= {} if entry.has_effect else {"keep": None}
     values = ((key, getattr(entry, key)) for key in _keys(type(entry)))
-    return {key: _whole(value) for key, value in values if value is not None and value != usual[key]}
+    return {key: _whole(value) for key, value in values if value is not None and value != defaults[key]}
 
 
 def _whole(value: Any) -> Any:
-    """A number without a fraction as one, and a tuple as a list of such."""
+    """A float without a fraction as an int, a tuple as a list."""
     if isinstance(value, tuple):
         return [_whole(each) for each in value]
     return int(value) if isinstance(value, float) and value == int(value) else value
 
 
 def _keys(kind: type[Entry]) -> list[str]:
-    """The keys of an entry of a kind: its own, and then those that all have."""
-    return [each.name for each in fields(kind) if each.name not in (*OF_ALL, "place")] + [*OF_ALL]
+    """The keys of a kind of entry, its own before the common ones."""
+    return [each.name for each in fields(kind) if each.name not in (*COMMON_KEYS, "place")] + [*COMMON_KEYS]
 
 
 def _value(node: Node) -> Any:
-    """The value at a key, which the entry checks; a tuple for a list."""
+    """The value at a key, lists as tuples; the entry's class checks it."""
     return tuple(map(_value, node.items())) if isinstance(node.value, list) else node.value
 
 

@@ -1,8 +1,8 @@
-"""Expressions: weights of morph targets, such as those of a face, by name, from an animation to a character's meshes.
+"""Expressions: morph target weights by name (of a face, say), taken from an animation to a character's meshes.
 
-A name is that of a morph target, in `extras.targetNames` of its mesh, as exporters write it (ARKit's 52 names, say); or
-of an expression of a VRM model, which weighs morph targets; or, in a VRM animation, of an expression alone. Names that
-differ in case only are the same, and those of VRM 0 are VRM 1.0's.
+A name is that of a morph target, in `extras.targetNames` of its mesh, as exporters write it (ARKit's 52 names, say); of
+an expression of a VRM model, which sets the weights of several morph targets; or of an expression in a VRM animation.
+Case does not matter, and VRM 0's names are translated to VRM 1.0's.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.vectors import Array
 
 VRM_0 = {"joy": "happy", "sorrow": "sad", "fun": "relaxed", "a": "aa", "i": "ih", "u": "ou", "e": "ee", "o": "oh"}
-VRM_0 |= {"blink_l": "blinkLeft", "blink_r": "blinkRight"}  # VRM 1.0's names of expressions
-PERCENT = 0.01  # VRM 0 has weights up to 100
+VRM_0 |= {"blink_l": "blinkLeft", "blink_r": "blinkRight"}  # VRM 1.0's name of an expression by VRM 0's
+PERCENT = 0.01  # weights of VRM 0 go up to 100
 
 
 class MorphTarget(NamedTuple):
-    """A morph target of a mesh, and its weight where an expression is 1."""
+    """A morph target of a node's mesh, and its weight while the expression is 1."""
 
-    node: int  # at which the mesh hangs
-    number: int
+    node: int
+    number: int  # its index in the mesh
     weight: float
 
 
@@ -49,24 +49,24 @@ class Face:
     """The expressions that a character can have."""
 
     targets: Mapping[str, tuple[MorphTarget, ...]]  # by name in lower case
-    shown: Mapping[int, Array]  # the weights that each node shows by itself, (targets,)
+    rest_weights: Mapping[int, Array]  # by node, without an animation, (targets,)
 
     def weights(self, expressions: Mapping[str, Array]) -> Mapping[int, Array]:
-        """Return the weights of meshes, (frames, targets), by node, for expressions, (frames,), by name."""
+        """Return morph target weights by node, (frames, targets), for weights of expressions by name, (frames,)."""
         result: dict[int, Array] = {}
-        begun = set()
+        written = set()
         for name, values in expressions.items():
             for node, target, weight in self.targets.get(name.casefold(), ()):
-                keys = result.setdefault(node, np.tile(self.shown[node], (len(values), 1)))
-                keys[:, target] = weight * values + (keys[:, target] if (node, target) in begun else 0.0)
-                begun.add((node, target))
+                keys = result.setdefault(node, np.tile(self.rest_weights[node], (len(values), 1)))
+                keys[:, target] = weight * values + (keys[:, target] if (node, target) in written else 0.0)
+                written.add((node, target))
         return result
 
 
 def face_of(gltf: Gltf) -> Face:
-    """Return the expressions that the character of a file can have, without what is not valid."""
+    """Return the expressions that the character of a file can have, without invalid ones."""
     targets: dict[str, list[MorphTarget]] = defaultdict(list)
-    shown, at_mesh = {}, defaultdict(list)
+    rest_weights, nodes_of_mesh = {}, defaultdict(list)
     for node, fields in enumerate(map(Node.entries, gltf.entries("nodes"))):
         if "mesh" not in fields:
             continue
@@ -74,16 +74,16 @@ def face_of(gltf: Gltf) -> Face:
             number, mesh = gltf.index("meshes", fields["mesh"]), gltf.entry("meshes", fields["mesh"])
             count = max((len(each.entries().listed("targets")) for each in mesh.listed("primitives")), default=0)
             weights = fields if "weights" in fields else mesh
-            shown[node] = np.array(weights["weights"].numbers(count) if "weights" in weights else [0.0] * count)
-            at_mesh[number].append(node)
-            for place, name in enumerate(_target_names(mesh)[:count]):
-                targets[name.casefold()].append(MorphTarget(node, place, 1.0))
-    own = {*targets}
+            rest_weights[node] = np.array(weights["weights"].numbers(count) if "weights" in weights else [0.0] * count)
+            nodes_of_mesh[number].append(node)
+            for index, name in enumerate(_target_names(mesh)[:count]):
+                targets[name.casefold()].append(MorphTarget(node, index, 1.0))
+    morphs = {*targets}
     with suppress(DistretargetError):
-        for name, target in [*_vrm(gltf, at_mesh)]:
-            if name.casefold() not in own and target.number < len(shown.get(target.node, ())):
+        for name, target in [*_vrm(gltf, nodes_of_mesh)]:
+            if name.casefold() not in morphs and target.number < len(rest_weights.get(target.node, ())):
                 targets[name.casefold()].append(target)
-    return Face({name: tuple(found) for name, found in targets.items()}, shown)
+    return Face({name: tuple(found) for name, found in targets.items()}, rest_weights)
 
 
 def _target_names(mesh: Fields) -> list[str]:
@@ -93,8 +93,8 @@ def _target_names(mesh: Fields) -> list[str]:
     return []
 
 
-def _vrm(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
-    """Yield the expressions of a VRM model, 1.0 or 0; `at_mesh` has the nodes at which each mesh hangs."""
+def _vrm(gltf: Gltf, nodes_of_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, MorphTarget]]:
+    """Yield the names of a VRM model's expressions, 1.0 or 0, each with the morph targets that it sets."""
     for name, expression in named_expressions(gltf, "VRMC_vrm"):
         for bind in map(Node.entries, expression.listed("morphTargetBinds")):
             node = gltf.index("nodes", bind.need("node"))
@@ -105,13 +105,13 @@ def _vrm(gltf: Gltf, at_mesh: Mapping[int, list[int]]) -> Iterator[tuple[str, Mo
         name = VRM_0.get(preset, preset) if preset not in ("", "unknown") else name
         for bind in map(Node.entries, group.listed("binds")):
             weight = PERCENT * bind.read("weight", Node.number, 100.0)
-            for node in at_mesh.get(gltf.index("meshes", bind.need("mesh")), ()):
+            for node in nodes_of_mesh.get(gltf.index("meshes", bind.need("mesh")), ()):
                 yield name, MorphTarget(node, bind.need("index").whole(), weight)
 
 
 def find_expressions(gltf: Gltf, clip: str | None = None) -> Mapping[str, Curve]:
-    """Return the curves of the expressions that the animation named `clip`, or the only one, moves, by name; their
-    times are from the first frame of its motion on. Those that are 0 all the time and what is not valid are left out.
+    """Return the weight curves of expressions by name, from the animation named `clip` or the only one. Times begin at
+    the first frame of its motion. Curves that stay 0 and invalid channels are left out.
     """
     number = choose_animation(gltf.path, animation_names(gltf), clip)
     if number is None or not moves_face(gltf, number):
@@ -131,7 +131,7 @@ def find_expressions(gltf: Gltf, clip: str | None = None) -> Mapping[str, Curve]
                 names = _target_names(gltf.entry("meshes", gltf.entries("nodes")[node].entries().need("mesh")))
             if names:
                 curve = read_curve(gltf, sampler, KINDS.get(path, "SCALAR"), len(names))
-                for place, name in enumerate(names):
-                    curves.setdefault(name, replace(curve, keys=curve.keys[:, :, [place]]))
+                for index, name in enumerate(names):
+                    curves.setdefault(name, replace(curve, keys=curve.keys[:, :, [index]]))
     first = min(starts.values(), default=0.0)
     return {name: replace(each, times=each.times - first) for name, each in curves.items() if each.keys.any()}

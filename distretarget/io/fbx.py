@@ -1,4 +1,4 @@
-"""FBX files, read by ufbx in a process of its own: nodes, skins and an animation, in the file's own axes and units."""
+"""Read FBX files with ufbx in a separate process: nodes, skins and an animation, in the file's own axes and units."""
 
 from __future__ import annotations
 
@@ -33,37 +33,36 @@ UP = ("X", "-X", "Y", "-Y", "Z", "-Z")  # in the order of ufbx
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (
     sys.executable,
-    "-P",  # a module in the current folder is not this program's
+    "-P",  # do not import modules from the current folder
     "-c",
     f"import sys; sys.path.insert(0, {str(ROOT)!r}); from distretarget.io.fbx_process import main; main()",
 )
-SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # the longest time for any file, and for each byte of it
-ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each would take memory
+SECONDS, SECONDS_PER_BYTE = 120.0, 2e-6  # time limit of the process: for any file, and per byte [s]
+ONE_THREAD = {f"{library}_NUM_THREADS": "1" for library in ("OPENBLAS", "MKL", "OMP")}  # each thread takes memory
 ADVICE = "open the file in Blender and export it as GLB"
-STOPS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # Windows
-# What a mesh has for each vertex, triangle, bone and influence of a bone on a vertex.
-OF_MESH = (
-    ("vertices", "normals", "uv"),
-    ("triangles", "materials"),
-    ("bones", "to_bones"),
-    ("moved", "movers", "weights"),
+EXIT_CODES = {0xC0000005: "access violation", 0xC00000FD: "stack overflow"}  # of Windows
+MESH_ARRAYS = (
+    ("vertices", "normals", "uv"),  # a row per vertex
+    ("triangles", "materials"),  # per triangle
+    ("bones", "to_bones"),  # per bone
+    ("influenced", "influencing", "weights"),  # per influence of a bone on a vertex
 )
-SINGULAR = 1e-12  # a bind matrix whose axes span less than this part of a cube has no inverse
+SINGULAR = 1e-12  # a bind matrix with a smaller determinant, its axes being of length 1, has no inverse
 
 
 def parse_fbx(
     content: bytes, path: str | Path, clip: str | None = None, fps: float | None = None, with_animation: bool = True
 ) -> CharacterScene:
-    """Return the content of an FBX file: all its nodes, its skins, or else its bind pose, and the animation named
-    `clip` (`choose_animation`), if any is wanted; `path` is for errors.
+    """Return the nodes of an FBX file, its skins, or its bind pose if it has none, and unless `with_animation` is false
+    the animation named `clip` (`choose_animation`); `path` is for errors.
 
-    Transforms are those that FBX evaluates. A node's place is that of its pivot; helper nodes stand for scales that
-    children inherit in an unusual way. Bind poses are in the world, so the skins name no mesh. Frames are the
-    animation's own keys where they are as regular as frames, else at the file's frame rate, or at `fps`.
+    Transforms are as FBX evaluates them, at the pivots of nodes; ufbx adds helper nodes where scale is inherited in an
+    unusual way. Bind poses are in world space, so skins name no mesh. Frames are the animation's keys if these are
+    evenly spaced, else at the file's frame rate, or at `fps`.
 
     Raises:
         MissingPackageError: the package ufbx is not installed.
-        FileError: the file is not valid, its reader stopped, or the animation has to be chosen or is not there.
+        FileError: the file is invalid, its reader stopped, `clip` is not in it, or is missing though it has several.
     """
     return _parsed(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation}, _scene)
 
@@ -71,27 +70,27 @@ def parse_fbx(
 def fbx_mesh(
     content: bytes, path: str | Path, with_looks: bool = False
 ) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """Return the nodes of an FBX file, the meshes at them and, with looks, normals, places on images, materials, and
-    the file of each image that is not in it; errors as in `parse_fbx`.
+    """Return the nodes of an FBX file, their meshes and, with looks, normals, UVs, materials, and per material the name
+    of its image file, empty if the image is embedded or there is none; errors as in `parse_fbx`.
     """
     return _parsed(content, path, {"with_mesh": True, "with_looks": with_looks}, _mesh)
 
 
 def _parsed(
-    content: bytes, path: str | Path, request: Mapping[str, Any], made_of: Callable[[str | Path, Read], Content]
+    content: bytes, path: str | Path, request: Mapping[str, Any], convert: Callable[[str | Path, Read], Content]
 ) -> Content:
-    """What is made of the arrays that the process hands over for a request."""
+    """`convert` of the arrays that the process returns for a request."""
     if importlib.util.find_spec("ufbx") is None:
         raise MissingPackageError("reading FBX needs the package ufbx; pip install 'distretarget[fbx]'", path)
     arrays = _read(content, path, request)
     try:
-        return made_of(path, arrays)
+        return convert(path, arrays)
     except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
         raise FileError(path, f"the FBX reader returned no valid content; {ADVICE}") from error
 
 
 def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> Read:
-    """The arrays and the header that the process hands over; see `fbx_process.py`."""
+    """The arrays and header values that the process returns; see `fbx_process.py`."""
     seconds = SECONDS + SECONDS_PER_BYTE * len(content)
     try:
         done = subprocess.run(
@@ -107,9 +106,9 @@ def _read(content: bytes, path: str | Path, request: Mapping[str, Any]) -> Read:
     except OSError as error:
         _stopped(path, error.strerror or str(error))
     if code := done.returncode:
-        said = done.stderr.decode(errors="replace").split("\n")[-2:][0].strip()[:200]
+        last_line = done.stderr.decode(errors="replace").split("\n")[-2:][0].strip()[:200]
         name = (signal.strsignal(-code) or "").lower() if code < 0 else ""
-        _stopped(path, name or STOPS.get(code & 0xFFFFFFFF, said or f"exit status {code}"))
+        _stopped(path, name or EXIT_CODES.get(code & 0xFFFFFFFF, last_line or f"exit status {code}"))
     try:
         with np.load(io.BytesIO(done.stdout), allow_pickle=False) as file:
             arrays: Read = dict(file)
@@ -131,42 +130,42 @@ def _nodes(path: str | Path, read: Read) -> Nodes:
 
 
 def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """The result of `fbx_mesh`, from the arrays that the process has handed over."""
+    """The result of `fbx_mesh`, from the arrays that the process returned."""
     nodes = _nodes(path, read)
     if not len(read["sizes"]):
         return nodes, [], (), ()
-    if not all(np.isfinite(read[name]).all() for name in (*OF_MESH[0], "to_bones", "weights", "colours")):
+    if not all(np.isfinite(read[name]).all() for name in (*MESH_ARRAYS[0], "to_bones", "weights", "colours")):
         raise FileError(path, "has a mesh with numbers that are not finite; export it again")
     read["to_bones"][:, :3, 3] -= read["pivots"][read["bones"]]
     ends = np.cumsum(read["sizes"], axis=0)[:-1].T
-    split = {name: np.split(read[name], at) for at, names in zip(ends, OF_MESH, strict=True) for name in names}
+    split = {name: np.split(read[name], at) for at, names in zip(ends, MESH_ARRAYS, strict=True) for name in names}
     parts = []
     for row in (dict(zip(split, each, strict=True)) for each in zip(*split.values(), strict=True)):
-        joints, weights = _influences(len(row["vertices"]), *(row.pop(name) for name in OF_MESH[3]))
+        joints, weights = _influences(len(row["vertices"]), *(row.pop(name) for name in MESH_ARRAYS[3]))
         row["normals"] = row["normals"] if row["normals"].any() else None
         parts.append(MeshPart(**row, joints=joints, weights=weights))
-    on, names = read["images_on"].tolist(), read["image_names"]
+    image_of, names = read["image_of"].tolist(), read["image_names"]
     images = [part.tobytes() for part in np.split(read["images"], np.cumsum(read["image_sizes"])[:-1])]
     colours = map(tuple, read["colours"].clip(0.0, 1.0).tolist())
     materials = [
-        Material(colour=colour, image=images[n] if n >= 0 else b"") for colour, n in zip(colours, on, strict=True)
+        Material(colour=colour, image=images[n] if n >= 0 else b"") for colour, n in zip(colours, image_of, strict=True)
     ]
-    return nodes, parts, tuple(materials), tuple("" if n < 0 or images[n] else names[n] for n in on)
+    return nodes, parts, tuple(materials), tuple("" if n < 0 or images[n] else names[n] for n in image_of)
 
 
 def _influences(
-    vertices: int, moved: NDArray[np.intp], movers: NDArray[np.intp], weights: Array
+    vertices: int, influenced: NDArray[np.intp], influencing: NDArray[np.intp], weights: Array
 ) -> tuple[NDArray[np.intp], Array]:
-    """The bones that move each vertex most and their weights, (vertices, influences), from all influences."""
-    order = np.lexsort([-weights, moved])
-    moved, movers, weights = moved[order], movers[order], weights[order]
-    rank = np.arange(len(moved)) - np.searchsorted(moved, moved)
+    """The bones with the largest weights on each vertex, and these weights, (vertices, influences) each."""
+    order = np.lexsort([-weights, influenced])
+    influenced, influencing, weights = influenced[order], influencing[order], weights[order]
+    rank = np.arange(len(influenced)) - np.searchsorted(influenced, influenced)
     chosen = rank < INFLUENCES
     joints = np.zeros((vertices, int(rank[chosen].max(initial=0)) + 1), np.intp)
-    shares = np.zeros(joints.shape)
-    joints[moved[chosen], rank[chosen]] = movers[chosen]
-    shares[moved[chosen], rank[chosen]] = weights[chosen]
-    return joints, shares
+    of_joints = np.zeros(joints.shape)
+    joints[influenced[chosen], rank[chosen]] = influencing[chosen]
+    of_joints[influenced[chosen], rank[chosen]] = weights[chosen]
+    return joints, of_joints
 
 
 def _scene(path: str | Path, read: Read) -> CharacterScene:
@@ -185,31 +184,31 @@ def _scene(path: str | Path, read: Read) -> CharacterScene:
 
 
 def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Translations, unit quaternions and scales of nodes, from their ten numbers each, (..., nodes, 10), without the
-    rotations that FBX does not apply, and from pivot to pivot; a FileError if a number is not finite or too large, or a
+    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10), in
+    which ufbx applies some rotations that FBX does not. A FileError if a number is not finite or too large, or a
     quaternion is zero.
     """
-    pivots, idle = read["pivots"], read["idle"][numbers]
-    above = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
+    pivots, unapplied = read["pivots"], read["unapplied"][numbers]
+    parent_pivots = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
     translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)
-    if not all((np.abs(part) <= LARGEST).all() for part in (transforms, pivots, idle)):
+    if not all((np.abs(part) <= LARGEST).all() for part in (transforms, pivots, unapplied)):
         raise FileError(path, f"has a node at a place, angle or scale that is not finite, or beyond {LARGEST:g}")
     sizes = np.linalg.norm(rotations, axis=-1, keepdims=True)
     if not (sizes > 0.0).all():
         raise FileError(path, "has a node without a rotation; export it again")
-    rotations, moved = rotations / sizes, scales * pivots[numbers]
+    rotations, scaled = rotations / sizes, scales * pivots[numbers]
     if pivots.any():
-        turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply(moved.reshape(-1, 3))
-        translations = translations + turned.reshape(translations.shape) - above
-    for node in np.flatnonzero(idle.any(axis=(1, 2))):
-        before, after = Rotation.from_euler("xyz", idle[node], degrees=True)
-        every = Rotation.from_quat(rotations[..., node, :].reshape(-1, 4))
-        rotations[..., node, :] = (before.inv() * every * after).as_quat().reshape(rotations[..., node, :].shape)
+        turned = Rotation.from_quat(rotations.reshape(-1, 4)).apply(scaled.reshape(-1, 3))
+        translations = translations + turned.reshape(translations.shape) - parent_pivots
+    for node in np.flatnonzero(unapplied.any(axis=(1, 2))):
+        before, after = Rotation.from_euler("xyz", unapplied[node], degrees=True)
+        full = Rotation.from_quat(rotations[..., node, :].reshape(-1, 4))
+        rotations[..., node, :] = (before.inv() * full * after).as_quat().reshape(rotations[..., node, :].shape)
     return np.asarray(translations), np.asarray(rotations), scales
 
 
 def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
-    """The skins; where there are none, one for each tree of bones, bound as in the file's bind pose."""
+    """The skins; without any, one for each tree of bones, with the file's bind pose."""
     ends = np.cumsum(read["counts"])[:-1]
     found = zip(np.split(read["joints"], ends), np.split(read["binds"], ends), strict=True)
     skins = tuple(_skin(joints, binds, read["pivots"]) for joints, binds in found if len(joints))
@@ -217,11 +216,11 @@ def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
         return skins
     posed = np.zeros((len(nodes), 4, 4))
     posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
-    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["are_bones"]))
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["is_bone"]))
 
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:
-    """A skin from its joints and their matrices in the world when they were bound, (joints, 4, 4)."""
+    """A skin from its joints and their world matrices in the bind pose, (joints, 4, 4)."""
     joints, first = np.unique(joints.astype(np.intp), return_index=True)
     if not binds.any():
         return SkinBinding(joints, None)
@@ -240,7 +239,7 @@ def _inverse(matrix: Array) -> Array:
 
 
 def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """The bones of each tree: those below the same highest bone. Parents come before children."""
+    """The bones of each tree, which have the same topmost bone. Parents come before children."""
     top = np.full(len(parents) + 1, -1)
     for node, parent in enumerate(parents.tolist()):
         top[node] = node if bones[node] and top[parent] < 0 else top[parent]

@@ -1,8 +1,8 @@
-"""The program of the process that reads an FBX file with ufbx: its bytes come in, arrays and a header go out.
+"""The process that reads an FBX file with ufbx: bytes on standard input, arrays and a JSON header on standard output.
 
-It is a process of its own because ufbx is C on untrusted bytes: a crash there is an error here, see `io/fbx.py`. Its
-binding, ufbx 0.0.5, hands out each element (node, curve, animation ...) without a reference of its own, so that Python
-frees elements in use: `_held` adds the reference that is missing. Nothing is ever freed; the process ends at once.
+ufbx is C code on untrusted bytes: if it crashes, only this process does, and `io/fbx.py` reports an error. The Python
+binding, ufbx 0.0.5, returns elements (nodes, curves, animations ...) without increasing their reference count, so that
+Python would free elements in use; `_held` adds the missing reference. Nothing is ever freed; the process just ends.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
 Element = TypeVar("Element")
 
 TRANSFORMS = frozenset({"Lcl Translation", "Lcl Rotation", "Lcl Scaling"})
-FREE_SAMPLES = 1_000_000  # so many keys, and samples, may a file have, however small it is [frames x nodes]
-SAME_KEY = 1e-4  # keys that are nearer belong to one frame [s]
-SLOWEST, FASTEST = 1.0, 1000.0  # frame rates of a file that make sense [frames/s]
-PROBES = 16  # keys of a curve that are compared with those of another
-FREE_MEMORY, MEMORY_PER_BYTE = 1 << 30, 40  # bounds of the memory: for any file, and for each byte of it [bytes]
+FREE_SAMPLES = 1_000_000  # allowed keys, and samples [frames x nodes], of a file of any size; larger ones: one per byte
+SAME_KEY = 1e-4  # keys closer than this belong to one frame [s]
+SLOWEST, FASTEST = 1.0, 1000.0  # plausible frame rates in a file's settings [frames/s]
+PROBES = 16  # keys of a curve that are compared with another curve's
+FREE_MEMORY, MEMORY_PER_BYTE = 1 << 30, 40  # memory limit: for any file, and per byte of it [bytes]
 
 _increase = ctypes.pythonapi.Py_IncRef
 _increase.argtypes, _increase.restype = [ctypes.py_object], None
@@ -42,9 +42,9 @@ _increase.argtypes, _increase.restype = [ctypes.py_object], None
 
 def main() -> None:
     """Read the file's bytes from standard input and write an npz to standard output: see `_content`."""
-    gc.disable()  # it would meet elements whose references are not counted
+    gc.disable()  # it would meet elements with wrong reference counts
     output = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # nothing else gets between the arrays
+    os.dup2(2, 1)  # other output goes to standard error
     data = sys.stdin.buffer.read()
     _limit_memory(len(data))
     try:
@@ -61,7 +61,7 @@ def main() -> None:
 
 
 def _limit_memory(size: int) -> None:
-    """Bound the memory of this process, and leave no core file, where the system can do that."""
+    """Limit the memory of this process and disable core files, if the system can."""
     try:
         import resource
     except ImportError:  # Windows
@@ -84,23 +84,23 @@ def _content(
     with_mesh: bool = False,
     with_looks: bool = False,
 ) -> dict[str, Any]:
-    """The arrays, and the values of the header, of a file; or a FileError."""
+    """The arrays and header values of a file; or a FileError."""
     scene = _load(data, with_mesh, with_looks)
-    nodes = list(_each(scene.nodes))[1:]  # the first is the root that ufbx adds
+    nodes = list(_each(scene.nodes))[1:]  # without the root that ufbx adds
     stacks = [stack for stack in _each(scene.anim_stacks) if next(_curves(stack), None) is not None]
     names = [stack.name for stack in stacks]
-    content = _still(scene, nodes) | {"animations": names}
+    content = _static(scene, nodes) | {"animations": names}
     chosen = choose_animation("", names, clip) if with_animation else None
     if chosen is not None:
-        most = max(FREE_SAMPLES, len(data))
-        content |= {"chosen": chosen} | _sampled(scene, nodes, stacks[chosen], fps, most)
+        limit = max(FREE_SAMPLES, len(data))
+        content |= {"chosen": chosen} | _sampled(scene, nodes, stacks[chosen], fps, limit)
     if with_mesh:
         content |= _meshes(nodes, with_looks) | _materials(_each(scene.materials) if with_looks else ())
     return content
 
 
 def _load(data: bytes, with_mesh: bool, with_images: bool) -> ufbx.Scene:
-    """Return the scene; where nodes do not inherit scale as usual, helper nodes or scales make up for it."""
+    """Return the scene; helper nodes or scales compensate for scale that is inherited in an unusual way."""
     import ufbx
 
     try:
@@ -120,7 +120,7 @@ def _load(data: bytes, with_mesh: bool, with_images: bool) -> ufbx.Scene:
 
 
 def _held(element: Element) -> Element:
-    """Return an element that ufbx has just handed out, with the reference that it should have."""
+    """Return an element that ufbx has just returned, with the reference that it lacks."""
     if element is not None:
         _increase(element)
     return element
@@ -130,8 +130,8 @@ def _each(elements: Any) -> Iterator[Any]:
     return (_held(elements[index]) for index in range(len(elements)))
 
 
-def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
-    """What does not move: the nodes, the skins, and the matrices of the bind poses."""
+def _static(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
+    """The nodes, the skins, and the matrices of the bind poses, which an animation does not change."""
     import ufbx
 
     number = {node.typed_id: index for index, node in enumerate(nodes)}
@@ -149,8 +149,8 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
         "parents": np.array([number.get(parent.typed_id, -1) if parent else -1 for parent in parents], np.int64),
         "transforms": np.array([_ten(node.local_transform) for node in nodes]).reshape(-1, 10),
         "pivots": np.array([_pivot(node) for node in nodes]).reshape(-1, 3),
-        "idle": np.array([_idle_rotations(node) for node in nodes]).reshape(-1, 2, 3),
-        "are_bones": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
+        "unapplied": np.array([_unapplied_rotations(node) for node in nodes]).reshape(-1, 2, 3),
+        "is_bone": np.array([node.attrib_type == ufbx.ElementType.BONE for node in nodes], bool),
         "joints": np.array([joint for joint, _ in joints], np.int64),
         "binds": _matrices(cluster.bind_to_world for _, cluster in joints),
         "counts": np.array([len(skin) for skin in skins], np.int64),
@@ -160,23 +160,23 @@ def _still(scene: ufbx.Scene, nodes: list[ufbx.Node]) -> dict[str, Any]:
 
 
 def _clusters(skin: ufbx.SkinDeformer, number: dict[int, int]) -> list[tuple[int, ufbx.SkinCluster]]:
-    """The bones of a skin, each with what it moves."""
+    """The bones of a skin, each with the cluster of vertices that it moves."""
     pairs = [(_held(cluster.bone_node), cluster) for cluster in _each(skin.clusters)]
     return [(number[bone.typed_id], each) for bone, each in pairs if bone is not None and bone.typed_id in number]
 
 
 def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
-    """The meshes at nodes, one after the other, as long as the rows of "sizes" say."""
+    """The meshes at nodes, their arrays concatenated; "sizes" has their lengths, a row per mesh."""
     number = {node.typed_id: index for index, node in enumerate(nodes)}
     rows = [row for node in nodes if (row := _mesh(node, number, with_looks)) is not None]
-    sizes = [[len(row[name]) for name in ("vertices", "triangles", "bones", "moved")] for row in rows]
+    sizes = [[len(row[name]) for name in ("vertices", "triangles", "bones", "influenced")] for row in rows]
     arrays = {name: np.concatenate([row[name] for row in rows]) for name in (rows[0] if rows else ())}
     return arrays | {"sizes": np.array(sizes, np.int64).reshape(-1, 4)}
 
 
 def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
-    """The mesh at a node, its only bone if it has no skin, as fans of triangles; with looks, a vertex for each
-    different corner, with normal and place on images, and materials; else zeros and -1. None without a mesh.
+    """The triangulated mesh at a node, which is its only bone if it has no skin; None without a mesh. With looks, a
+    vertex per distinct (position, normal, UV), and materials; else these are zeros and -1.
     """
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):
@@ -184,12 +184,12 @@ def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str
     skin = next(_each(mesh.skin_deformers), None)
     if skin is None:
         bones, matrices = [number[node.typed_id]], [node.geometry_to_node]
-        moved, weights = [np.arange(len(mesh.vertices))], [np.ones(len(mesh.vertices))]
+        vertices, weights = [np.arange(len(mesh.vertices))], [np.ones(len(mesh.vertices))]
     else:
-        known = [(bone, cluster) for bone, cluster in _clusters(skin, number) if len(cluster.vertices)]
-        bones, matrices = [bone for bone, _ in known], [cluster.geometry_to_bone for _, cluster in known]
-        moved = [_whole(cluster.vertices) for _, cluster in known]
-        weights = [np.array(memoryview(cluster.weights)) for _, cluster in known]
+        clusters = [(bone, cluster) for bone, cluster in _clusters(skin, number) if len(cluster.vertices)]
+        bones, matrices = [bone for bone, _ in clusters], [cluster.geometry_to_bone for _, cluster in clusters]
+        vertices = [_whole(cluster.vertices) for _, cluster in clusters]
+        weights = [np.array(memoryview(cluster.weights)) for _, cluster in clusters]
     if not bones:
         return None
     keys, looks = [_whole(mesh.vertex_indices)], []
@@ -197,15 +197,15 @@ def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str
         exist = with_looks and values.exists and len(values.values) > 0
         keys.append(_whole(values.indices) if exist else np.zeros(len(keys[0]), np.int64))
         looks.append(np.array([list(each) for each in _each_part(values.values)]) if exist else np.zeros((1, size)))
-    different = keys[0]
+    distinct = keys[0]
     for each in keys[1:]:
-        different = np.unique(different * (each.max(initial=0) + 1) + each, return_inverse=True)[1]
-    _, first, of_corner = np.unique(different, return_index=True, return_inverse=True)
+        distinct = np.unique(distinct * (each.max(initial=0) + 1) + each, return_inverse=True)[1]
+    _, first, of_corner = np.unique(distinct, return_index=True, return_inverse=True)
     of_vertex, of_normal, of_uv = (each[first] for each in keys)
     corners, faces = _corners(mesh)
     own = [_held(material).typed_id for material in _each(node.materials)] if with_looks else []
     of_face = _whole(mesh.face_material) if own else np.zeros(0, np.int64)
-    rows, counts = _rows_of(of_vertex, np.concatenate(moved))
+    rows, counts = _rows_of(of_vertex, np.concatenate(vertices))
     return {
         "vertices": np.array(memoryview(mesh.vertices)).reshape(-1, 3)[of_vertex],
         "normals": looks[0][of_normal],
@@ -214,14 +214,14 @@ def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str
         "materials": np.array(own)[np.minimum(of_face[faces], len(own) - 1)] if len(of_face) else 0 * faces - 1,
         "bones": np.array(bones, np.int64),
         "to_bones": _matrices(matrices),
-        "moved": np.repeat(np.arange(len(of_vertex)), counts),
-        "movers": np.repeat(np.arange(len(bones)), [len(each) for each in moved])[rows],
+        "influenced": np.repeat(np.arange(len(of_vertex)), counts),
+        "influencing": np.repeat(np.arange(len(bones)), [len(each) for each in vertices])[rows],
         "weights": np.concatenate(weights)[rows],
     }
 
 
 def _rows_of(wanted: NDArray[np.int64], values: NDArray[np.int64]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Where each of the `wanted` numbers is among some values, one after the other, and how often."""
+    """The indices in `values` of each `wanted` number, concatenated, and how many it has."""
     order = np.argsort(values, kind="stable")
     begins, ends = (np.searchsorted(values[order], wanted, side) for side in ("left", "right"))
     counts = ends - begins
@@ -233,8 +233,8 @@ def _whole(numbers: Any) -> NDArray[np.int64]:
 
 
 def _materials(materials: Iterable[ufbx.Material]) -> dict[str, Any]:
-    """Colours, (materials, 4); the number of the image on each, or -1; the images, or the names of their files."""
-    colours, on = [], []
+    """Colours, (materials, 4); the index of each material's image, or -1; the images, and the names of their files."""
+    colours, image_of = [], []
     images: list[bytes] = []
     names: list[str] = []
     for material in materials:
@@ -243,14 +243,14 @@ def _materials(materials: Iterable[ufbx.Material]) -> dict[str, Any]:
         opacity = material.pbr.opacity
         colours.append([*colour, opacity.value_vec4[0] if opacity.has_value else 1.0])
         texture = _held(base.texture)
-        on.append(-1 if texture is None else len(names))
+        image_of.append(-1 if texture is None else len(names))
         if texture is not None:
             colours[-1][:3] = [1.0] * 3
             images.append(bytes(texture.content))
             names.append(texture.relative_filename or texture.filename)
     return {
         "colours": np.array(colours, float).reshape(-1, 4),
-        "images_on": np.array(on, np.int64),
+        "image_of": np.array(image_of, np.int64),
         "images": np.frombuffer(b"".join(images), np.uint8),
         "image_sizes": np.array([len(image) for image in images], np.int64),
         "image_names": names,
@@ -258,7 +258,7 @@ def _materials(materials: Iterable[ufbx.Material]) -> dict[str, Any]:
 
 
 def _corners(mesh: ufbx.Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The corners of the faces of a mesh that its triangles have, (triangles, 3), and the face of each."""
+    """The corners of a mesh's triangles, (triangles, 3), and the face of each triangle."""
     faces = np.array([(face.index_begin, face.num_indices) for face in _each_part(mesh.faces)], np.int64).reshape(-1, 2)
     whole = np.flatnonzero(faces[:, 1] > 2)
     begins, counts = faces[whole].T
@@ -268,15 +268,15 @@ def _corners(mesh: ufbx.Mesh) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
 
 
 def _pivot(node: ufbx.Node) -> Array:
-    """(3,), the point about which a node turns, in its own space."""
+    """The point about which a node turns, in its own space, (3,)."""
     turning, scaling, offset = (_vector(node, name) for name in ("RotationPivot", "ScalingPivot", "ScalingOffset"))
     scale = _vector(node, "Lcl Scaling", 1.0)
     return np.asarray(scaling + (turning - scaling - offset) / np.where(scale == 0.0, 1.0, scale))
 
 
-def _idle_rotations(node: ufbx.Node) -> Array:
-    """(2, 3), the angles before and after the rotation of a node, about fixed axes x, y, z, that FBX does not apply to
-    it; zeros for most nodes. ufbx 0.0.5 applies them, https://github.com/ufbx/ufbx/pull/260.
+def _unapplied_rotations(node: ufbx.Node) -> Array:
+    """The pre- and post-rotation of a node if FBX does not apply them but ufbx 0.0.5 does, (2, 3), angles about fixed
+    axes x, y, z [degrees]; zeros for most nodes. See https://github.com/ufbx/ufbx/pull/260.
     """
     active, limit_only = node.props.find_prop("RotationActive"), node.props.find_prop("RotationSpaceForLimitOnly")
     if (active is None or active.value_int) and (limit_only is None or not limit_only.value_int):
@@ -290,7 +290,7 @@ def _vector(node: ufbx.Node, name: str, default: float = 0.0) -> Array:
 
 
 def _each_part(parts: Any) -> Iterator[Any]:
-    """Yield the parts of a list of ufbx that are no elements: those have their references."""
+    """Yield the items of a list of ufbx that are no elements; these have correct reference counts."""
     return (parts[index] for index in range(len(parts)))
 
 
@@ -299,7 +299,7 @@ def _ten(transform: ufbx.Transform) -> list[float]:
 
 
 def _matrices(matrices: Iterable[Any]) -> Array:
-    """(matrices, 4, 4), from the four columns of three numbers that ufbx has; vectors are columns."""
+    """Matrices for column vectors, (matrices, 4, 4), from those of ufbx, four columns of three numbers."""
     columns = np.array([[list(column) for column in matrix] for matrix in matrices], float).reshape(-1, 4, 3)
     whole = np.tile(np.eye(4), (len(columns), 1, 1))
     whole[:, :3] = columns.transpose(0, 2, 1)
@@ -307,7 +307,7 @@ def _matrices(matrices: Iterable[Any]) -> Array:
 
 
 def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]:
-    """Yield the nodes that an animation moves, with each of their curves that has keys."""
+    """Yield the curves of an animation that have keys, each with the node that it moves."""
     import ufbx
 
     for layer in _each(stack.layers):
@@ -320,20 +320,20 @@ def _curves(stack: ufbx.AnimStack) -> Iterator[tuple[ufbx.Node, ufbx.AnimCurve]]
 
 
 def _sampled(
-    scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, most: int
+    scene: ufbx.Scene, nodes: list[ufbx.Node], stack: ufbx.AnimStack, fps: float | None, limit: int
 ) -> dict[str, Any]:
     """The nodes that move, their transforms in "frames", (frames, nodes, 10), and the step [s]; or a FileError."""
     import ufbx
 
-    keys, moving = _keys(stack, most)
+    keys, moving = _keys(stack, limit)
     begin, end = stack.time_begin, stack.time_end
     inside = keys[(keys >= begin - SAME_KEY) & (keys <= end + SAME_KEY)]
-    keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if that makes sense
+    keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if it has several
     stated = scene.settings.frames_per_second
     rate = fps or own_rate(keys, stated if SLOWEST <= stated <= FASTEST else None)
     chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
     frames = frame_count(keys, rate)
-    if not frames * len(chosen) <= most:
+    if not frames * len(chosen) <= limit:
         raise FileError("", f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
     times = frame_times(keys, rate)
     anim, parts = _held(stack.anim), [nodes[index] for index in chosen]
@@ -347,14 +347,14 @@ def _sampled(
 
 
 def _follows_scale(node: ufbx.Node) -> bool:
-    """Return whether a node moves where another one scales: a helper, or a child of a node that has one."""
+    """Return whether the scale of another node moves this one: it is a scale helper, or its parent has one."""
     parent = _held(node.parent)
     return node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
 
 
-def _keys(stack: ufbx.AnimStack, most: int) -> tuple[Array, set[int]]:
-    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves. Curves with the same keys
-    are the rule: of those of the same length only a few keys are compared.
+def _keys(stack: ufbx.AnimStack, limit: int) -> tuple[Array, set[int]]:
+    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves. Most curves have the same
+    key times, so curves of equal length are compared at `PROBES` keys only.
     """
     times, seen = array("d"), set()
     count, moving = 0, set()
@@ -362,12 +362,12 @@ def _keys(stack: ufbx.AnimStack, most: int) -> tuple[Array, set[int]]:
         moving.add(node.typed_id)
         keys = curve.keyframes
         count += len(keys)
-        if count > most:
-            raise FileError("", f"the animation {stack.name!r} has more than {most} keys; export it with fewer")
+        if count > limit:
+            raise FileError("", f"the animation {stack.name!r} has more than {limit} keys; export it with fewer")
         probes = np.linspace(0, len(keys) - 1, PROBES).astype(int).tolist()
-        kind = (len(keys), *(keys[probe].time for probe in probes))
-        if kind not in seen:
-            seen.add(kind)
+        signature = (len(keys), *(keys[probe].time for probe in probes))
+        if signature not in seen:
+            seen.add(signature)
             times.extend(keys[index].time for index in range(len(keys)))
     sorted_times: Array = np.unique(np.array(times))
     return sorted_times[np.diff(sorted_times, prepend=-np.inf) > SAME_KEY], moving

@@ -1,4 +1,4 @@
-"""Files: read with errors that name the fault, and written whole or not at all."""
+"""Read files with errors that name the cause; write files completely or not at all."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from distretarget.errors import FileError
 OTHER_FORMATS = {".c3d": "C3D", ".dae": "Collada", ".blend": "Blender"}
 Content = str | bytes | Iterable[str] | Iterable[bytes | memoryview]  # of a file to write; may be in parts
 
-UNSAFE = frozenset('/\\:*?"<>|')  # in names of files on some system
+UNSAFE = frozenset('/\\:*?"<>|')  # characters that some system does not allow in file names
 DEVICES = re.compile(r"(con|prn|aux|nul|com[0-9¹²³]|lpt[0-9¹²³])( *\..*)?", re.IGNORECASE)  # on Windows
 CTRL_Z = "\x1a"
-WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0)  # for another program to write to it, as to a pipe
+NONBLOCKING = getattr(os, "O_NONBLOCK", 0)  # opening a pipe must not wait for its writer
 STANDARD_INPUT = Path("standard input")  # its name in errors
 
 REASONS = {
     errno.ENOENT: "there is no such file",
     errno.EISDIR: "is a folder",
-    errno.ENXIO: "is not a regular file",  # but a socket
+    errno.ENXIO: "is not a regular file",  # a socket
     errno.EACCES: "permission denied",
     errno.EPERM: "permission denied",
     errno.EMFILE: "too many files are open; allow more, for example with ulimit -n 256",
@@ -41,17 +41,17 @@ REASONS = {
 
 
 def read_text(path: str | Path) -> str:
-    """Return the text of a file, UTF-8, or UTF-16 if a mark says so, without that mark and a final Ctrl-Z. Bytes that
-    are not UTF-8 become lone surrogates, which `write_whole` turns back. A FileError if the file is empty or binary.
+    """Return the text of a file, UTF-8, or UTF-16 with a byte order mark, without the mark and a final Ctrl-Z. Invalid
+    bytes become lone surrogates, which `write_whole` turns back. A FileError if the file is empty or binary.
     """
     return text_of(read_bytes(path), path)
 
 
 def read_bytes(path: str | Path) -> bytes:
-    """Return the content of a regular file, or raise a FileError; others, such as pipes, may have no end."""
+    """Return the content of a file; a FileError if it cannot be read or is not regular: a pipe may never end."""
     check_path("path", path)
     try:
-        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | WITHOUT_WAITING)) as file:
+        with open(path, "rb", opener=lambda name, flags: os.open(name, flags | NONBLOCKING)) as file:
             if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
                 raise FileError(path, "is not a regular file")
             return file.read()
@@ -60,7 +60,7 @@ def read_bytes(path: str | Path) -> bytes:
 
 
 def check_known(path: str | Path) -> None:
-    """Raise a FileError if a file of this name is of a kind that other programs convert."""
+    """Raise a FileError if the name has the suffix of a format that other programs have to convert first."""
     if other := OTHER_FORMATS.get(Path(path).suffix.lower()):
         advice = "convert it first, for example with Blender: File > Import, then File > Export > glTF (.glb)"
         raise FileError(path, f"is {other}, expected BVH, glTF, VRM or FBX; {advice}")
@@ -85,7 +85,7 @@ def text_of(content: bytes, path: str | Path) -> str:
 
 
 def hash_of(*content: bytes | memoryview) -> str:
-    """Return the SHA-256 of a content, which may be in parts, as "sha256:" and hexadecimal digits."""
+    """Return the SHA-256 of content, which may be in parts, as "sha256:" and hexadecimal digits."""
     digest = hashlib.sha256()
     for part in content:
         digest.update(part)
@@ -100,7 +100,7 @@ def hash_of_file(path: Path) -> str | None:
 
 
 def safe_file_name(name: str) -> str:
-    """Return a name, without suffix, that a file can have on every system; empty if nothing is left of it."""
+    """Return a name, without suffix, changed so that every system allows it for a file; may be empty."""
     plain = "".join("_" if each in UNSAFE or not each.isprintable() else each for each in name).strip(". ")
     return f"_{plain}" if DEVICES.fullmatch(plain) else plain
 
@@ -111,7 +111,7 @@ def is_folder(path: str | Path) -> bool:
 
 
 def is_inside(path: Path, folder: Path) -> bool:
-    """Return whether a path leads to a place in a folder, and neither out of it by links or `..` nor in circles."""
+    """Return whether a path is inside a folder once links and `..` are resolved; False if links form a loop."""
     try:
         return path.resolve().is_relative_to(folder.resolve())
     except (OSError, ValueError, RuntimeError):
@@ -135,8 +135,8 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
-    """Check, without writing, that `write_whole` could write this file, or raise a FileError: it exists and must not be
-    replaced, is a link to nothing, or its folder is missing or not writable.
+    """Raise a FileError if `write_whole` could not write this file: it exists and `overwrite` is false, it is a
+    dangling link, or its folder is missing or not writable. Nothing is written.
     """
     check_path("path", path)
     try:
@@ -160,9 +160,9 @@ def check_writable(path: str | Path, overwrite: bool = False) -> None:
 
 
 def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> None:
-    """Write a file, whose content may be in parts, under a temporary name in its folder, and rename it when it is
-    complete. Text is written as UTF-8. A file that replaces another keeps its permissions and, where that is allowed,
-    its owner. A FileError if it exists and `overwrite` is false, or cannot be written; then nothing has changed.
+    """Write a file under a temporary name in its folder and rename it when it is complete. `content` may be in parts;
+    text is written as UTF-8. A replaced file's permissions stay and, where the system allows it, its owner. A FileError
+    if the file exists and `overwrite` is false, or cannot be written; then nothing has changed.
     """
     check_writable(path, overwrite)
     place = Path(path).resolve()
@@ -192,7 +192,7 @@ def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> 
 
 
 def encoded_parts(content: Content) -> Iterable[bytes | memoryview]:
-    """Return what `write_whole` writes for a content, in parts."""
+    """Return the bytes that `write_whole` writes for a content, in parts."""
     parts = [content] if isinstance(content, str | bytes) else content
     return (part.encode("utf-8", "surrogateescape") if isinstance(part, str) else part for part in parts)
 
@@ -208,7 +208,7 @@ def _rename_to_new(temporary: Path, place: Path) -> None:
 
 
 def reason_of(error: Exception) -> str:
-    """Return why the operating system or the encoding refused, as a clause for an error message."""
+    """Return the cause of an error of the operating system or the encoding, as a clause for a message."""
     if isinstance(error, UnicodeEncodeError):
         return f"the text has a character that UTF-8 cannot encode: {error.object[error.start]!r}"
     if isinstance(error, OSError):

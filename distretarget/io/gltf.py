@@ -1,7 +1,7 @@
-"""glTF 2.0 files (.glb, .gltf, .vrm, .vrma): their JSON, with the place of each value, and their numbers.
+"""Read glTF 2.0 files (.glb, .gltf, .vrm, .vrma): their JSON, with the place of each value for errors, and accessors.
 
-Khronos Group, "glTF 2.0 Specification", 2021. Files may come from anywhere: each index and length is checked, and no
-array is larger than the file allows.
+Khronos Group, "glTF 2.0 Specification", 2021. Files are not trusted: each index and length is checked, and the size of
+arrays is bounded by that of the file.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from numpy.typing import NDArray
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
 from distretarget.io.formats import GLB_MARK
-from distretarget.io.json_node import Fields, Node, parse_json, without_collection
+from distretarget.io.json_node import Fields, Node, parse_json, without_garbage_collection
 from distretarget.numerics.vectors import Array, read_only
 
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
 
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942  # the types of chunks in a GLB
 HEADER, CHUNK_HEADER = struct.Struct("<4sII"), struct.Struct("<II")
-COMPONENTS: dict[int, Dtype] = {  # of accessors, by the number that stands for them
+COMPONENTS: dict[int, Dtype] = {  # by the componentType of accessors
     5120: np.dtype("<i1"),
     5121: np.dtype("<u1"),
     5122: np.dtype("<i2"),
@@ -40,27 +40,27 @@ COMPONENTS: dict[int, Dtype] = {  # of accessors, by the number that stands for 
     5126: np.dtype("<f4"),
 }
 WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT2": 4, "MAT3": 9, "MAT4": 16}
-INDICES = (5121, 5123, 5125)  # components of the indices of triangles and sparse accessors
-FREE_NUMBERS = 4_000_000  # so many numbers may a file refer to, however small it is
-PER_BYTE = 2  # so many numbers may it refer to for each of its bytes: channels share accessors
+INDICES = (5121, 5123, 5125)  # component types of the indices of triangles and sparse accessors
+FREE_NUMBERS = 4_000_000  # limit of the numbers read from a file of any size ...
+PER_BYTE = 2  # ... and per byte of it; each use of an accessor counts, since channels share them
 DATA_URI = "data:"
-NESTED_SIZE, PAIR_SIZE = 64, 120  # memory that an empty list and a key with its value take in others [bytes]
-MOST_MEMORY, FREE_MEMORY = 7, 2**26  # memory that these may take [sizes of the JSON, and beside that bytes]
+NESTED_SIZE, PAIR_SIZE = 64, 120  # memory of an empty list or object, and of a key with its value [bytes]
+MEMORY_PER_BYTE, FREE_MEMORY = 7, 2**26  # limit of this memory: per byte of the JSON, and in addition [bytes]
 
 
 @dataclass(eq=False)
 class Gltf:
-    """A glTF file, with what was read of it before."""
+    """A glTF file, with a cache of what was read from it."""
 
     path: str | Path  # for errors
-    chunks: tuple[tuple[int, memoryview], ...]  # of a GLB, (type, content) each; of a .gltf file its JSON alone
-    beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
-    has_folder: bool = True  # whether images may be in files beside it
+    chunks: tuple[tuple[int, memoryview], ...]  # (type, content) of the chunks of a GLB; of a .gltf file only the JSON
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # the contents of a .gltf file's buffer files by URI
+    has_folder: bool = True  # whether images may be read from files beside it
     _lists: dict[str, list[Node]] = field(default_factory=dict, init=False)
-    _entries: dict[tuple[str, int], Fields] = field(default_factory=dict, init=False)  # by list and number
-    _accessors: dict[tuple[str, str], Array] = field(default_factory=dict, init=False)  # by place and kind
+    _entries: dict[tuple[str, int], Fields] = field(default_factory=dict, init=False)  # by list and index
+    _accessors: dict[tuple[str, str], Array] = field(default_factory=dict, init=False)  # by place and type
     _buffers: dict[str, memoryview] = field(default_factory=dict, init=False)  # by place
-    _referred: int = field(default=0, init=False)  # numbers that all references to accessors had
+    _numbers_read: int = field(default=0, init=False)  # counted again at each use of an accessor
 
     @cached_property
     def text(self) -> str:
@@ -72,9 +72,9 @@ class Gltf:
 
     @cached_property
     def text_to_copy(self) -> str:
-        """The JSON, for another file; a FileError if it has a number that other readers refuse, anywhere."""
+        """The JSON, to be written to another file; a FileError if any number in it is not finite."""
         try:
-            with without_collection():
+            with without_garbage_collection():
                 json.loads(self.text, parse_float=self._finite, parse_int=self._finite, parse_constant=self._finite)
         except RecursionError:
             raise SkeletonFileError(self.path, "", "is nested too deeply") from None
@@ -88,10 +88,10 @@ class Gltf:
 
     @cached_property
     def document(self) -> Fields:
-        """The values of the JSON, by key."""
+        """The values of the JSON by key."""
         nested = self.text.count("[") + self.text.count("{")
         pairs = self.text.count('":')
-        if NESTED_SIZE * nested + PAIR_SIZE * pairs > MOST_MEMORY * len(self.text) + FREE_MEMORY:
+        if NESTED_SIZE * nested + PAIR_SIZE * pairs > MEMORY_PER_BYTE * len(self.text) + FREE_MEMORY:
             counts = f"{nested} lists and objects and {pairs} keys in {len(self.text)} characters"
             raise FileError(self.path, f"its JSON has {counts}: too large to read; expected a file of a character")
         document = parse_json(self.path, self.text).entries()
@@ -101,26 +101,25 @@ class Gltf:
         return document
 
     def entries(self, key: str) -> list[Node]:
-        """The entries of a list of the document; empty without it."""
+        """The entries of a list of the document; empty if it has no such list."""
         if key not in self._lists:
             self._lists[key] = self.document.listed(key)
         return self._lists[key]
 
     def entry(self, key: str, reference: Node) -> Fields:
-        """The values of the entry of a list that a reference, an index, leads to."""
-        number = self.index(key, reference)
-        if (key, number) not in self._entries:
-            self._entries[key, number] = self.entries(key)[number].entries()
-        return self._entries[key, number]
+        """The values of the entry of a list at the index that a reference holds."""
+        index = self.index(key, reference)
+        if (key, index) not in self._entries:
+            self._entries[key, index] = self.entries(key)[index].entries()
+        return self._entries[key, index]
 
     def index(self, key: str, reference: Node) -> int:
-        """The index in a reference to an entry of a list."""
+        """The index that a reference to an entry of a list holds, checked."""
         return reference.index(len(self.entries(key)) - 1, key)
 
     def numbers(self, reference: Node, kind: str, components: tuple[int, ...] = tuple(COMPONENTS)) -> Array:
         """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; normalized integers become
-        fractions. A SkeletonFileError if it has another kind or other components, leads out of its buffer, or is not
-        finite.
+        fractions. A SkeletonFileError if it has another type or component type, exceeds its buffer, or is not finite.
         """
         fields = self.entry("accessors", reference)
         place, key = fields.node, (fields.node.place, kind)
@@ -130,8 +129,8 @@ class Gltf:
         count = fields.need("count").whole()
         if count * WIDTHS[kind] > self.size:
             fields["count"].expected(f"no more numbers than the file has bytes, {self.size}")
-        self._referred += count * WIDTHS[kind]
-        if self._referred > max(PER_BYTE * self.size, FREE_NUMBERS):
+        self._numbers_read += count * WIDTHS[kind]
+        if self._numbers_read > max(PER_BYTE * self.size, FREE_NUMBERS):
             place.fail("is referred to too often for a file of this size")
         if key in self._accessors:
             return self._accessors[key]
@@ -140,7 +139,7 @@ class Gltf:
             raw = self._view(fields, count, WIDTHS[kind], dtype)
         if "sparse" in fields:
             raw = self._with_sparse(fields["sparse"].entries(), raw.copy(), dtype)
-        with np.errstate(invalid="ignore"):  # of numbers that are not finite
+        with np.errstate(invalid="ignore"):  # from numbers that are not finite
             numbers = raw.astype(np.float64)
         if dtype.kind != "f" and fields.read("normalized", Node.flag, False):
             numbers = np.maximum(numbers / np.iinfo(dtype.name).max, -1.0)
@@ -150,7 +149,7 @@ class Gltf:
         return self._accessors[key]
 
     def _with_sparse(self, sparse: Fields, raw: NDArray[np.generic], dtype: Dtype) -> NDArray[np.generic]:
-        """Numbers with those replaced that a sparse accessor lists."""
+        """`raw` with the elements that a sparse accessor lists replaced, in place."""
         count = sparse.need("count").whole()
         indices, values = sparse.need("indices").entries(), sparse.need("values").entries()
         places = self._view(indices, count, 1, _dtype(indices, INDICES))[:, 0].astype(np.intp)
@@ -160,7 +159,7 @@ class Gltf:
         return raw
 
     def _view(self, fields: Fields, count: int, width: int, dtype: Dtype) -> NDArray[np.generic]:
-        """`count` times `width` numbers of the bufferView that an entry refers to, from its offset."""
+        """The numbers, (count, width), at an entry's byteOffset in its bufferView."""
         place, offset = fields.node, fields.read("byteOffset", Node.whole, 0)
         view = self.entry("bufferViews", fields.need("bufferView"))
         if "EXT_meshopt_compression" in view.inner("extensions"):
@@ -197,7 +196,7 @@ class Gltf:
         return self._buffers[place.place]
 
     def image(self, reference: Node) -> bytes:
-        """The content of an image; empty where it is in a file that cannot be read."""
+        """The content of an image; empty if it is in a file that cannot be read."""
         fields = self.entry("images", reference)
         if "uri" not in fields:
             length = self.entry("bufferViews", fields.need("bufferView")).need("byteLength").whole()
@@ -211,12 +210,12 @@ class Gltf:
 
     @property
     def binary(self) -> memoryview | None:
-        """The binary chunk of a GLB; None where there is none."""
+        """The binary chunk of a GLB; None if there is none."""
         return next((content for kind, content in self.chunks[1:2] if kind == BINARY_CHUNK), None)
 
     @cached_property
     def size(self) -> int:
-        """The size of the file and those that it names [bytes]."""
+        """The size of the file and of its buffer files [bytes]."""
         beside = {id(content): content for content in self.beside.values()}.values()
         return sum(len(content) for _, content in self.chunks) + sum(map(len, beside))
 
@@ -224,7 +223,7 @@ class Gltf:
 def parse_gltf(
     content: bytes, path: str | Path, beside: Mapping[str, bytes] | None = None, has_folder: bool = True
 ) -> Gltf:
-    """Return the glTF file with a content, or a FileError; `beside` and `has_folder` as in `Gltf`."""
+    """Return the glTF file with this content, or raise a FileError; `beside` and `has_folder` as in `Gltf`."""
     if content.startswith(GLB_MARK):
         return Gltf(path, _chunks(content, path), beside or {}, has_folder)
     if not content.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
@@ -254,24 +253,24 @@ def _chunks(content: bytes, path: str | Path) -> tuple[tuple[int, memoryview], .
 
 
 def read_beside(content: bytes, path: str | Path) -> dict[str, bytes]:
-    """Return the content of the files that the buffers of a .gltf file name, by URI, or raise a FileError."""
+    """Return the contents of a .gltf file's buffer files by URI, or raise a FileError."""
     found: dict[str, bytes] = {}
-    contents: dict[Path, bytes] = {}  # by path, as several names may lead to one file
+    contents: dict[Path, bytes] = {}  # by path, since several URIs may lead to one file
     folder = Path(path).parent
     for place in parse_gltf(content, path).entries("buffers"):
         fields = place.entries()
         uri = fields.read("uri", Node.text, "")
         if uri and not uri.startswith(DATA_URI) and uri not in found:
             named = inside(fields["uri"], folder, uri)
-            place_of = named.resolve()
-            if place_of not in contents:
-                contents[place_of] = read_bytes(named)
-            found[uri] = contents[place_of]
+            resolved = named.resolve()
+            if resolved not in contents:
+                contents[resolved] = read_bytes(named)
+            found[uri] = contents[resolved]
     return found
 
 
 def inside(place: Node, folder: Path, uri: str) -> Path:
-    """Return the path of a file in a folder, which a URI names; a SkeletonFileError if it leads out of the folder."""
+    """Return the path of the file in a folder that a URI names; a SkeletonFileError if it is outside the folder."""
     path = Path(name := unquote(uri))
     if ":" in name or "\\" in name or "\0" in name or path.is_absolute() or ".." in path.parts:
         place.fail(f"leads to {cut(name)!r}; expected a file in the folder of the .gltf file")
@@ -291,7 +290,7 @@ def _decoded(place: Node, uri: str) -> bytes:
 
 
 def _dtype(fields: Fields, known: tuple[int, ...]) -> Dtype:
-    """The type of the numbers of an entry, which must be one of the known ones."""
+    """The dtype for an entry's componentType, which must be one of `known`."""
     component = fields.need("componentType").whole()
     if component not in known:
         fields["componentType"].expected(f"one of {', '.join(map(str, known))}")

@@ -1,4 +1,4 @@
-"""What a glTF file says of a character: nodes, skins, meshes, materials, VRM humanoid and an animation."""
+"""Read a character from a glTF file: nodes, skins, meshes, materials, VRM humanoid and an animation."""
 
 from __future__ import annotations
 
@@ -24,23 +24,22 @@ from distretarget.skeleton import LARGEST, SMALLEST
 from distretarget.skin.mesh import Material
 
 REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
-KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # of the outputs of animations
-FLOATS, SIGNED = (5126,), (5126, 5120, 5121, 5122, 5123)  # components of key times; of keys
+KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # accessor types of animation outputs by path
+FLOATS, KEY_TYPES = (5126,), (5126, 5120, 5121, 5122, 5123)  # component types of key times; of key values
 
 DRACO = "KHR_draco_mesh_compression"
 COMPRESSIONS = {DRACO: "Draco", "EXT_meshopt_compression": "meshopt"}
-# The extensions with a humanoid: of VRM 1.0, VRM animations, and VRM 0.
-HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")
-VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names of them
+HUMANOIDS = ("VRMC_vrm", "VRMC_vrm_animation", "VRM")  # extensions of VRM 1.0, VRM animations, and VRM 0
+VRM_0_THUMBS = {"ThumbProximal": "ThumbMetacarpal", "ThumbIntermediate": "ThumbProximal"}  # VRM 1.0's names by VRM 0's
 Triangles = NDArray[np.intp]
 TRIANGLES, STRIP, FAN = 4, 5, 6  # modes of primitives; the others are points and lines
-WHOLE_NUMBERS = (5121, 5123)  # components of joints
+JOINT_TYPES = (5121, 5123)  # component types of joint indices
 FACE_LEFT_OUT = "the animation moves morph targets or expressions, such as those of a face; they are left out"
 
 
 def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, animated: bool = True) -> CharacterScene:
-    """Return what a glTF file says of a character, with the animation named `clip`, or the only one, at `fps` frames/s
-    or its own keys, if any is wanted. A FileError or SkeletonFileError if the file is not valid, or has none of it.
+    """Return the character in a glTF file, and if `animated` the animation named `clip`, or the only one, sampled at
+    `fps` frames/s or at its own keys. A FileError or SkeletonFileError if the file is invalid or lacks the animation.
     """
     nodes, names = gltf_nodes(gltf), animation_names(gltf)
     chosen = choose_animation(gltf.path, names, clip) if animated else None
@@ -85,16 +84,16 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
                 node = gltf.entries("nodes")[number].entries().listed("children")[place]
                 node.fail(f"nodes[{child}] is a child of nodes[{parents[child]}] already")
             parents[child] = number
-    above = parents.copy()  # follow all lines upwards at once; each step doubles their length
+    ancestors = parents.copy()  # pointer jumping: each step doubles the distance to a node's ancestor
     for _ in range(len(parents).bit_length() + 1):
-        above = np.where(above >= 0, above[above], -1)
-    if (above >= 0).any():  # all of these are in a circle
-        raise SkeletonFileError(gltf.path, f"nodes[{above[above >= 0].min()}].children", "lead back to the node itself")
+        ancestors = np.where(ancestors >= 0, ancestors[ancestors], -1)
+    if (cyclic := ancestors[ancestors >= 0]).size:
+        raise SkeletonFileError(gltf.path, f"nodes[{cyclic.min()}].children", "lead back to the node itself")
     return parents
 
 
 def _transform(fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
-    """Translation, rotation and scale of a node, from these or its matrix."""
+    """Translation, rotation and scale of a node, from these properties or from its matrix."""
     if "matrix" in fields:
         translation, rotation, scale = decomposed(np.array(fields["matrix"].numbers(16)).reshape(4, 4).T)
         if not ((np.abs(scale) >= SMALLEST) & (np.abs(scale) <= LARGEST)).all():
@@ -108,7 +107,7 @@ def _transform(fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
 
 
 def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
-    """Translation, rotation (x y z w) and scale, which is negative where it mirrors, of a transform, (4, 4)."""
+    """Translation, rotation (x y z w) and scale of a transform, (4, 4); the scale of a mirroring one is negative."""
     linear = matrix[:3, :3]
     scale = np.linalg.norm(linear, axis=0) * (-1.0 if np.linalg.det(linear) < 0 else 1.0)
     axes = linear / np.where(scale, scale, 1.0)
@@ -116,11 +115,11 @@ def decomposed(matrix: Array) -> tuple[Array, Array, Array]:
 
 
 def _skins(gltf: Gltf) -> tuple[SkinBinding, ...]:
-    """The skins, each with the nodes that show a mesh with it; they may share inverse bind matrices."""
-    shown: dict[int, list[int]] = defaultdict(list)
+    """The skins, each with the nodes whose mesh it moves; skins may share inverse bind matrices."""
+    users: dict[int, list[int]] = defaultdict(list)
     for number, entry in enumerate(gltf.entries("nodes")):
         if "skin" in (fields := entry.entries()):
-            shown[gltf.index("skins", fields["skin"])].append(number)
+            users[gltf.index("skins", fields["skin"])].append(number)
     skins, binds = list[SkinBinding](), dict[int, Array]()
     for number, entry in enumerate(gltf.entries("skins")):
         fields = entry.entries()
@@ -136,12 +135,12 @@ def _skins(gltf: Gltf) -> tuple[SkinBinding, ...]:
             matrices = binds[accessor][: len(joints)]
             if len(matrices) < len(joints):
                 fields["inverseBindMatrices"].fail(f"{len(matrices)} matrices for {len(joints)} joints")
-        skins.append(SkinBinding(joints, matrices, tuple(shown[number])))
+        skins.append(SkinBinding(joints, matrices, tuple(users[number])))
     return tuple(skins)
 
 
 def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
-    """The extension with the VRM humanoid, and the node of each bone by VRM 1.0's names of bones; empty without one."""
+    """The extension with the VRM humanoid, and the nodes of its bones by VRM 1.0's names; both empty without one."""
     extensions = gltf.document.inner("extensions")
     key = next((key for key in HUMANOIDS if key in extensions), "")
     if not key:
@@ -156,7 +155,7 @@ def _humanoid(gltf: Gltf) -> tuple[str, Mapping[str, int]]:
             entry.fail('expected "bone" and "node"')
         bone = fields["bone"].text()
         thumb = next((new for old, new in VRM_0_THUMBS.items() if bone.endswith(old)), "")
-        if fields["node"].value != -1.0:  # some programs write bones that the model lacks so
+        if fields["node"].value != -1.0:  # some programs write this for bones that the model lacks
             found[f"{bone.partition('Thumb')[0]}{thumb}" if thumb else bone] = gltf.index("nodes", fields["node"])
     if not found:
         extensions[key].fail("has no humanoid bones")
@@ -180,7 +179,7 @@ def _animation(gltf: Gltf, number: int, name: str, fps: float | None) -> Animati
 
 
 def moves_face(gltf: Gltf, number: int) -> bool:
-    """Return whether an animation has keys of morph targets, or of a VRM animation's nodes of expressions."""
+    """Return whether an animation has keys for morph targets, or for a VRM animation's expression nodes."""
     nodes = nodes_of_expressions(gltf)
     channels = gltf.entries("animations")[number].entries().listed("channels")
     targets = [channel.entries().inner("target") for channel in channels]
@@ -189,22 +188,24 @@ def moves_face(gltf: Gltf, number: int) -> bool:
 
 
 def nodes_of_expressions(gltf: Gltf) -> Mapping[int, str]:
-    """Return the nodes whose translations along X are the weights of a VRM animation's expressions, and their names."""
+    """Return the names of a VRM animation's expressions by node; the X of the node's translation is the weight."""
     named = named_expressions(gltf, "VRMC_vrm_animation")
     return {gltf.index("nodes", each["node"]): name for name, each in named if "node" in each}
 
 
 def named_expressions(gltf: Gltf, extension: str) -> Iterator[tuple[str, Fields]]:
-    """Yield the expressions of VRM 1.0 in an extension, preset and custom ones, with their names."""
+    """Yield the preset and custom expressions of an extension of VRM 1.0, with their names."""
     expressions = gltf.document.inner("extensions").inner(extension).inner("expressions")
     for group in ("preset", "custom"):
         yield from ((name, each.entries()) for name, each in expressions.inner(group).items())
 
 
 def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
-    """Return the curve of a sampler with keys of a kind; of "SCALAR", `width` are a key. Or a SkeletonFileError."""
+    """Return the curve of a sampler with keys of an accessor type; of "SCALAR", `width` are a key. A SkeletonFileError
+    if it is invalid.
+    """
     times = gltf.numbers(fields.need("input"), "SCALAR", FLOATS)
-    keys = gltf.numbers(fields.need("output"), kind, SIGNED)
+    keys = gltf.numbers(fields.need("output"), kind, KEY_TYPES)
     interpolation = fields.read("interpolation", lambda node: node.one_of(("LINEAR", "STEP", "CUBICSPLINE")), "LINEAR")
     each = 3 if interpolation == "CUBICSPLINE" else 1
     count = each * (width if kind == "SCALAR" else 1)
@@ -218,7 +219,7 @@ def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
 
 
 def gltf_parts(gltf: Gltf, skins: tuple[SkinBinding, ...]) -> Iterator[MeshPart]:
-    """Yield the meshes at nodes, without morph targets; primitives that share vertices are one part. Or an error."""
+    """Yield the meshes at nodes, without morph targets; primitives with the same vertices are one part."""
     for node, entry in enumerate(gltf.entries("nodes")):
         fields = entry.entries()
         if "mesh" not in fields:
@@ -235,7 +236,7 @@ def gltf_parts(gltf: Gltf, skins: tuple[SkinBinding, ...]) -> Iterator[MeshPart]
 
 
 def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: SkinBinding | None) -> MeshPart:
-    """The part of primitives with the same vertices, which a skin moves, or else the node where they are."""
+    """The part made of primitives with the same vertices, moved by `skin`, or without one by `node`."""
     for primitive in primitives:
         if DRACO in primitive.inner("extensions"):
             raise FileError(gltf.path, f"{primitive.node.place} is compressed by Draco")
@@ -262,26 +263,26 @@ def _part(gltf: Gltf, primitives: Sequence[Fields], node: int, skin: SkinBinding
 def _influences(
     gltf: Gltf, place: Node, attributes: Fields, vertices: int, bones: int
 ) -> tuple[NDArray[np.intp], Array]:
-    """The bones that move each vertex most and their weights, (vertices, influences) each."""
+    """The bones with the largest weights on each vertex, and these weights, (vertices, influences) each."""
     joints, weights = [], []
     for number in count():
         names = f"JOINTS_{number}", f"WEIGHTS_{number}"
         if not all(name in attributes for name in names):
             break
-        joints.append(gltf.numbers(attributes[names[0]], "VEC4", WHOLE_NUMBERS).astype(np.intp))
+        joints.append(gltf.numbers(attributes[names[0]], "VEC4", JOINT_TYPES).astype(np.intp))
         weights.append(gltf.numbers(attributes[names[1]], "VEC4"))
         if not len(joints[-1]) == len(weights[-1]) == vertices:
             place.fail(f"has {len(joints[-1])} joints and {len(weights[-1])} weights for {vertices} vertices")
     if not joints:
         place.fail("has a skin, but no joints and weights")
-    every, shares = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
-    if every.shape[1] > INFLUENCES:
+    influences, shares = np.concatenate(joints, axis=1), np.concatenate(weights, axis=1)
+    if influences.shape[1] > INFLUENCES:
         most = np.argsort(-shares, axis=1, kind="stable")[:, :INFLUENCES]
-        every, shares = np.take_along_axis(every, most, axis=1), np.take_along_axis(shares, most, axis=1)
-    every[shares == 0.0] = 0
-    if every.max(initial=0) >= bones:
-        place.fail(f"has the joint {every.max()}; its skin has {bones}")
-    return every, shares
+        influences, shares = np.take_along_axis(influences, most, axis=1), np.take_along_axis(shares, most, axis=1)
+    influences[shares == 0.0] = 0
+    if influences.max(initial=0) >= bones:
+        place.fail(f"has the joint {influences.max()}; its skin has {bones}")
+    return influences, shares
 
 
 def _triangles(gltf: Gltf, primitive: Fields, vertices: int) -> Triangles:
@@ -304,7 +305,7 @@ def _triangles(gltf: Gltf, primitive: Fields, vertices: int) -> Triangles:
 
 
 def gltf_materials(gltf: Gltf) -> tuple[Material, ...]:
-    """Return the materials of a file; one that cannot be read is plain."""
+    """Return the materials of a file; the default material stands for those that cannot be read."""
     materials = [Material()] * len(gltf.entries("materials"))
     for number, place in enumerate(gltf.entries("materials")):
         with suppress(DistretargetError):
@@ -323,7 +324,7 @@ def gltf_materials(gltf: Gltf) -> tuple[Material, ...]:
 
 
 def _image(gltf: Gltf, fields: Fields, key: str) -> bytes:
-    """The content of the image of a texture; empty where there is none."""
+    """The content of a texture's image; empty if there is none."""
     if key not in fields:
         return b""
     source = gltf.entry("textures", fields[key].entries().need("index"))

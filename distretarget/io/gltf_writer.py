@@ -1,8 +1,8 @@
-"""Writing glTF 2.0: animations put into a file, which otherwise stays as it is, to the byte (specification, 3.11);
-and the character of an FBX file as a GLB, with its mesh and the base colours of its materials (3.7).
+"""Write glTF 2.0: add animations to a file and leave its other bytes unchanged (specification, 3.11); and convert the
+character of an FBX file to a GLB, with its mesh and the base colours of its materials (3.7).
 
-A node above those of the FBX file brings its axes and units to those of glTF. They keep their names, numbers and
-transforms, so that an animation of the FBX file's nodes is one of these.
+An added node above those of the FBX file converts axes and units. The FBX file's nodes keep their names, order and
+transforms, so that an animation of them can be written without a change.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from distretarget.io.json_node import (
     compact,
     edited,
     members,
-    without_collection,
+    without_garbage_collection,
 )
 from distretarget.numerics.rotations import least
 from distretarget.numerics.vectors import Array, Numbers
@@ -47,49 +47,49 @@ from distretarget.skin.mesh import Looks, Material, SkinnedMesh
 Mode = Literal["add", "replace"]
 Parts = Sequence[bytes | memoryview]
 Top = Mapping[str, Member]
-"""The members of a document."""
+"""The members of a document's top level by key."""
 Entries = list[dict[str, object]]
-"""Those of a list of a document."""
+"""The entries of a list of a document."""
 Tracks = dict[tuple[str, int], Array]
-"""The keys of what an animation moves, by path, such as "rotation", and node."""
+"""The keys of an animation's channels by (path, node), the path being "rotation", say."""
 
 ALIGNED = 4  # accessors of floats, and chunks, begin at multiples of this [bytes]
-LARGEST_GLB = 2**32 - 1  # the header has no room for more [bytes]
+LARGEST_GLB = 2**32 - 1  # the header's length field has 32 bits [bytes]
 OCTETS = "application/octet-stream"
-KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}  # of accessors, by the numbers of an element
+KINDS = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4", 16: "MAT4"}  # accessor types by the width of an element
 NOTHING = memoryview(b"")
-START = 1, "0"  # the times of a track with a single key: frames, and the time between them
-IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}  # by how they begin
+SINGLE_KEY = 1, "0"  # frames and frame time of a track with one key
+IMAGES = {b"\x89PNG": "image/png", b"\xff\xd8\xff": "image/jpeg"}  # MIME types by the first bytes
 FLOAT, SHORT, INT = 5126, 5123, 5125
-PER_SET = 4  # joints of a vertex in a set of glTF
-LEAST_WEIGHT = 1e-4  # lesser weights move nothing that is seen
+PER_SET = 4  # influences on a vertex in one pair of JOINTS_n and WEIGHTS_n
+LEAST_WEIGHT = 1e-4  # smaller weights have no visible effect and are left out
 LEFT_OUT = "of the FBX file's materials only base colours and their images are in the result, and no morph targets"
 
 
-class _Numbers:
-    """New numbers for a buffer, behind the bytes that it holds, with the accessors and views that find them."""
+class _BufferWriter:
+    """New data for a buffer with `existing` bytes, with buffer views and accessors, numbered after those that exist."""
 
-    def __init__(self, buffer: int = 0, held: memoryview = NOTHING, views: int = 0, accessors: int = 0) -> None:
+    def __init__(self, buffer: int = 0, existing: memoryview = NOTHING, views: int = 0, accessors: int = 0) -> None:
         self.views: list[dict[str, object]] = []
         self.accessors: list[dict[str, object]] = []
-        self._buffer, self._held, self._firsts = buffer, held, (views, accessors)
+        self._buffer, self._existing, self._firsts = buffer, existing, (views, accessors)
         self._new = bytearray()
         self._times: dict[tuple[int, str], int] = {}
 
     @property
     def content(self) -> Parts:
-        """What the buffer holds, in parts."""
-        return [self._held, *_padding(self._held, b"\0"), bytes(self._new)]
+        """The content of the buffer, in parts."""
+        return [self._existing, *_padding(self._existing, b"\0"), bytes(self._new)]
 
     def view(self, data: bytes) -> int:
-        """Add bytes; return their view."""
-        start = _aligned(len(self._held)) + len(self._new)
+        """Add bytes; return the index of their view."""
+        start = _aligned(len(self._existing)) + len(self._new)
         self.views.append({"buffer": self._buffer, "byteOffset": start, "byteLength": len(data)})
         self._new += data + bytes(-len(data) % ALIGNED)
         return self._firsts[0] + len(self.views) - 1
 
     def add(self, values: Array | Numbers, component: int = FLOAT, **entry: object) -> int:
-        """Add numbers, (n,) or (n, width); return their accessor."""
+        """Add numbers, (n,) or (n, width); return the index of their accessor."""
         view = self.view(np.ascontiguousarray(values, COMPONENTS[component]).tobytes())
         kind = KINDS[values.shape[1] if values.ndim > 1 else 1]
         accessor = {"bufferView": view, "componentType": component, "count": len(values), "type": kind}
@@ -97,7 +97,7 @@ class _Numbers:
         return self._firsts[1] + len(self.accessors) - 1
 
     def times(self, frames: int, frame_time_text: str) -> int:
-        """Return the accessor of the times of frames, which animations share."""
+        """Return the index of the accessor with the times of frames, which animations share."""
         if (frames, frame_time_text) not in self._times:
             times = (np.arange(frames) * float(frame_time_text)).astype("<f4").astype(float)
             self._times[frames, frame_time_text] = self.add(times, min=[times[0]], max=[times[-1]])
@@ -112,10 +112,11 @@ def animated(
     embedded: Callable[[Node], bytes] | None = None,
     own: int | None = None,
 ) -> Parts:
-    """Return the content of a file with animations, in parts: as a GLB, or as JSON if not `as_binary`. The mode says
-    whether they are added to those in the file, or replace them. `embedded` reads the file that a URI names, to put it
-    into this one; without it URIs stay. After the file's `own` animations are such that were added before; they get a
-    key for what the new ones move, too. A FileError if it would be too large for a GLB.
+    """Return the content of a file with animations added, or in place of those in it, in parts.
+
+    The result is a GLB, or JSON if not `as_binary`. `embedded` returns the content of a file that a URI names, to embed
+    it; without it URIs stay. `own` is how many of the animations are the file's own, if earlier calls added others:
+    these get a rest key for each channel that only the new ones have. A FileError if a GLB would be too large.
     """
     nodes, buffers, binary = gltf_nodes(gltf), gltf.entries("buffers"), gltf.binary
     extends = binary is not None and bool(buffers) and "uri" not in (first := buffers[0].entries())
@@ -123,15 +124,15 @@ def animated(
         first.need("byteLength").whole()
     in_chunk = as_binary and (extends or not buffers)
     counts = len(gltf.entries("bufferViews")), len(gltf.entries("accessors"))
-    numbers = _Numbers(0 if extends else len(buffers), binary if binary and extends else NOTHING, *counts)
-    with without_collection():
+    numbers = _BufferWriter(0 if extends else len(buffers), binary if binary and extends else NOTHING, *counts)
+    with without_garbage_collection():
         top = {str(each.key): each for each in members(gltf.text, 0)}
     entries = [*_animation_entries(gltf, animations, numbers, nodes, mode)]
-    completed = [] if own is None else [*_completed(gltf, top, animations, numbers, nodes, own)]
+    completing = [] if own is None else [*_completing(gltf, top, animations, numbers, nodes, own)]
     content = numbers.content
     buffer = {"byteLength": sum(map(len, content))} | ({} if in_chunk else {"uri": _data_uri(content)})
     edits = [
-        *completed,
+        *completing,
         _listed(gltf.text, top, "bufferViews", numbers.views),
         _listed(gltf.text, top, "accessors", numbers.accessors),
         _listed(gltf.text, top, "animations", entries, replaces=mode == "replace"),
@@ -146,22 +147,22 @@ def animated(
 
 
 def _animation_entries(
-    gltf: Gltf, animations: Sequence[Animation], numbers: _Numbers, nodes: Nodes, mode: Mode
+    gltf: Gltf, animations: Sequence[Animation], numbers: _BufferWriter, nodes: Nodes, mode: Mode
 ) -> Iterator[dict[str, object]]:
-    """Yield the entries of animations, and add their `numbers`; a name that is taken gets a number. Players leave what
-    has no keys as the animation before had it: what any of them moves has in each a key, the transform that the node
-    shows.
+    """Yield the entries of animations, and add their data to `numbers`; a name that is taken gets a number. Players
+    leave a channel without keys where the previous animation left it, so each animation gets a rest key for each
+    channel that only others have.
     """
-    kept = gltf.entries("animations") if mode == "add" else []
-    taken = {entry.entries().read("name", Node.text, "") for entry in kept} - {""}
-    moved = {target for entry in kept for target in _targets(gltf, entry.entries())}
+    existing = gltf.entries("animations") if mode == "add" else []
+    taken = {entry.entries().read("name", Node.text, "") for entry in existing} - {""}
+    moved = {target for entry in existing for target in _targets(gltf, entry.entries())}
     moved.update(*map(_tracks, animations))
     for animation in animations:
         tracks = _tracks(animation)
         times = dict.fromkeys(tracks, numbers.times(animation.frames, animation.frame_time_text))
-        if still := _still(moved - tracks.keys(), animation.posed, nodes):
-            times |= dict.fromkeys(still, numbers.times(*START))
-        tracks |= still
+        if at_rest := _rest_keys(moved - tracks.keys(), animation.posed, nodes):
+            times |= dict.fromkeys(at_rest, numbers.times(*SINGLE_KEY))
+        tracks |= at_rest
         channels = [*_channels(tracks)]
         samplers = [{"input": times[target], "output": numbers.add(keys)} for target, keys in tracks.items()]
         name = free_name(animation.name, taken)
@@ -170,27 +171,27 @@ def _animation_entries(
         yield entry | ({"extras": dict(animation.extras)} if animation.extras else {})
 
 
-def _completed(
-    gltf: Gltf, top: Top, animations: Sequence[Animation], numbers: _Numbers, nodes: Nodes, own: int
+def _completing(
+    gltf: Gltf, top: Top, animations: Sequence[Animation], numbers: _BufferWriter, nodes: Nodes, own: int
 ) -> Iterator[Edit]:
-    """The edits that give the file's animations after its `own` a key for what others move."""
+    """The edits that give the file's animations after its `own` a rest key for each channel that only new ones have."""
     moved, posed = set[tuple[str, int]]().union(*map(_tracks, animations)), {*animations[0].posed}
     for entry, fields in [*_entries(gltf, top, "animations")][own:]:
-        if still := _still(moved.difference(_targets(gltf, fields)), posed, nodes):
+        if at_rest := _rest_keys(moved.difference(_targets(gltf, fields)), posed, nodes):
             old = json.loads(gltf.text[entry.start : entry.end])
-            samplers = [{"input": numbers.times(*START), "output": numbers.add(keys)} for keys in still.values()]
-            channels = [*old["channels"], *_channels(still, len(old["samplers"]))]
+            samplers = [{"input": numbers.times(*SINGLE_KEY), "output": numbers.add(keys)} for keys in at_rest.values()]
+            channels = [*old["channels"], *_channels(at_rest, len(old["samplers"]))]
             yield changed(gltf.text, entry, {"channels": channels, "samplers": old["samplers"] + samplers})
 
 
-def _still(targets: Set[tuple[str, int]], posed: Set[int], nodes: Nodes) -> Tracks:
-    """A key for each of the targets of an animation that is of a posed node: the transform that the node shows."""
-    shown = {"translation": nodes.translations, "rotation": nodes.rotations, "scale": nodes.scales}
-    return {(path, node): shown[path][[node]] for path, node in sorted(targets) if path in shown and node in posed}
+def _rest_keys(targets: Set[tuple[str, int]], posed: Set[int], nodes: Nodes) -> Tracks:
+    """One key, the node's own transform, for each of the targets (path, node) whose node is among the `posed`."""
+    own = {"translation": nodes.translations, "rotation": nodes.rotations, "scale": nodes.scales}
+    return {(path, node): own[path][[node]] for path, node in sorted(targets) if path in own and node in posed}
 
 
 def _channels(tracks: Tracks, first: int = 0) -> Iterator[dict[str, object]]:
-    """Yield the channels of tracks, whose samplers have numbers from the first on."""
+    """Yield the channels of tracks; their samplers are numbered from `first`."""
     for number, (path, node) in enumerate(tracks, start=first):
         yield {"sampler": number, "target": {"node": node, "path": path}}
 
@@ -202,7 +203,7 @@ def _tracks(animation: Animation) -> Tracks:
 
 
 def _targets(gltf: Gltf, animation: Fields) -> Iterator[tuple[str, int]]:
-    """What an animation of the file has keys for: a path, such as "rotation", and a node."""
+    """The targets of an animation of the file, (path, node) each."""
     for channel in animation.listed("channels"):
         target = channel.entries().inner("target")
         if "node" in target:
@@ -210,7 +211,7 @@ def _targets(gltf: Gltf, animation: Fields) -> Iterator[tuple[str, int]]:
 
 
 def free_name(name: str, taken: set[str]) -> str:
-    """Return a name that is not taken: the name itself, or followed by the first free number from 2."""
+    """Return a name that is not taken: the name itself, or with the first free number from 2 behind it."""
     number, free = 1, name
     while free in taken:
         number += 1
@@ -219,7 +220,7 @@ def free_name(name: str, taken: set[str]) -> str:
 
 
 def _listed(text: str, top: Top, key: str, entries: Sequence[Mapping[str, object]], replaces: bool = False) -> Edit:
-    """The edit that adds entries to a list of the document, or replaces it; a new list comes last."""
+    """The edit that adds entries to a list of the document, or replaces its entries; a new list comes last."""
     texts = [compact(entry) for entry in entries]
     if key not in top:
         end = max(each.end for each in top.values())
@@ -230,7 +231,7 @@ def _listed(text: str, top: Top, key: str, entries: Sequence[Mapping[str, object
 
 
 def _without_matrices(gltf: Gltf, top: Top, animations: Sequence[Animation], nodes: Nodes) -> Iterator[Edit]:
-    """The edits that replace the matrices of nodes that move by translation, rotation and scale."""
+    """The edits that replace the matrices of animated nodes by translation, rotation and scale."""
     moving = {node for animation in animations for node in (*animation.rotations, *animation.translations)}
     transforms = zip(nodes.translations, nodes.rotations, nodes.scales, strict=True)
     for number, ((entry, node), parts) in enumerate(zip(_entries(gltf, top, "nodes"), transforms, strict=True)):
@@ -240,7 +241,7 @@ def _without_matrices(gltf: Gltf, top: Top, animations: Sequence[Animation], nod
 
 
 def _embedding(gltf: Gltf, top: Top, embedded: Callable[[Node], bytes]) -> Iterator[Edit]:
-    """The edits that put the files into the document that its buffers and images name."""
+    """The edits that embed the files of buffers and images in the document."""
     for key in ("buffers", "images"):
         for entry, fields in _entries(gltf, top, key):
             uri = fields.read("uri", Node.text, DATA_URI)
@@ -250,7 +251,7 @@ def _embedding(gltf: Gltf, top: Top, embedded: Callable[[Node], bytes]) -> Itera
 
 
 def _entries(gltf: Gltf, top: Top, key: str) -> Iterator[tuple[Member, Fields]]:
-    """The entries of a list of the document, with their values."""
+    """Yield the entries of a list of the document, with their values."""
     if key in top:
         for entry, node in zip(members(gltf.text, top[key].start), gltf.entries(key), strict=True):
             yield entry, node.entries()
@@ -261,7 +262,7 @@ def _data_uri(content: Parts, kind: str = OCTETS) -> str:
 
 
 def _glb(gltf: Gltf, document: bytes, content: Parts | None) -> Parts:
-    """A GLB with a document, and with a binary chunk if there is one; all other chunks are as they were."""
+    """A GLB with a document, a binary chunk if `content` is one, and the other chunks of `gltf` unchanged."""
     chunks: list[tuple[int, Parts]] = [(JSON_CHUNK, [document, *_padding(document, b" ")])]
     if content is not None:
         chunks.append((BINARY_CHUNK, content))
@@ -281,12 +282,12 @@ def _aligned(size: int) -> int:
 
 
 def _padding(content: bytes | memoryview, filler: bytes) -> list[bytes]:
-    """What makes a chunk of a content as long as it has to be."""
+    """The bytes that pad a content to a multiple of `ALIGNED`."""
     return [filler * (_aligned(len(content)) - len(content))]
 
 
 def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[str, ...]]:
-    """Return the character of an FBX file as glTF, and what of it is left out, a line each.
+    """Return the character of an FBX file as glTF, and what is left out, a line each.
 
     Raises:
         FileError: the file has no mesh that its joints move, or a number that cannot be written.
@@ -296,7 +297,7 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
     mesh = assembled(character, nodes, parts, materials)
     if mesh is None or mesh.looks is None:
         raise FileError(file.path, "has no mesh to write; write .bvh")
-    numbers, name = _Numbers(), Path(file.path).stem or "Mesh"
+    numbers, name = _BufferWriter(), Path(file.path).stem or "Mesh"
     lists = {"nodes": _nodes(character, nodes, name), "scenes": [{"nodes": [len(nodes), len(nodes) + 1]}]}
     lists |= {"bufferViews": numbers.views, "accessors": numbers.accessors}
     lists |= _mesh(character, mesh, mesh.looks, name, numbers)
@@ -304,15 +305,15 @@ def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[s
     document = {"asset": {"version": "2.0", "generator": "distretarget"}, "scene": 0}
     document |= {"buffers": [{"byteLength": len(content)}], **{key: some for key, some in lists.items() if some}}
     text = json.dumps(document, allow_nan=False, separators=(",", ":")).encode()
-    whole = b"".join([text, *_padding(text, b" ")])
-    chunks = ((JSON_CHUNK, memoryview(whole)), (BINARY_CHUNK, memoryview(content)))
+    padded = b"".join([text, *_padding(text, b" ")])
+    chunks = ((JSON_CHUNK, memoryview(padded)), (BINARY_CHUNK, memoryview(content)))
     return Gltf(file.path, chunks), (LEFT_OUT, *missing)
 
 
 def _with_images(
     file: InputFile, materials: Sequence[Material], files: Sequence[str]
 ) -> tuple[tuple[Material, ...], tuple[str, ...]]:
-    """The materials with images that are beside the FBX file, and a line for each that cannot be written."""
+    """The materials, with images read from files beside the FBX file, and a line for each image left out."""
     found, missing = [], []
     for material, name in zip(materials, files, strict=True):
         image = material.image or _beside(file, name)
@@ -325,7 +326,7 @@ def _with_images(
 
 
 def _beside(file: InputFile, name: str) -> bytes:
-    """The content of a file beside another, by its path there, or by its name alone; empty if there is none."""
+    """The content of a file by its path relative to another file, or else by its bare name; empty if there is none."""
     if not name or not file.has_folder:
         return b""
     folder, path = Path(file.path).parent, name.replace("\\", "/")
@@ -339,71 +340,70 @@ def _beside(file: InputFile, name: str) -> bytes:
 
 
 def _nodes(character: Character, nodes: Nodes, mesh: str) -> Entries:
-    """The nodes of a file, one above them that brings them to metres and Y up, and that of the mesh."""
-    below: dict[int, list[int]] = {}
+    """The nodes of a file, one above them that converts to metres and Y up, and one with the mesh."""
+    children_of: dict[int, list[int]] = {}
     for node, parent in enumerate(nodes.parents.tolist()):
-        below.setdefault(parent, []).append(node)
+        children_of.setdefault(parent, []).append(node)
     skeleton = character.skeleton
     turn = least(axis_vector(skeleton.up or "Y")[None], axis_vector("Y")[None]).as_quat()
     scale = np.full(3, METRES[skeleton.units] if skeleton.units else 1.0)
-    each = zip(nodes.names, nodes.translations, nodes.rotations, nodes.scales, strict=True)
-    every = [*each, ("Armature", np.zeros(3), turn, scale)]
+    rows = zip(nodes.names, nodes.translations, nodes.rotations, nodes.scales, strict=True)
     entries: Entries = []
-    for node, (name, *transform) in enumerate(every):
-        changes = zip(REST.items(), transform, strict=True)
+    for node, (name, *transform) in enumerate([*rows, ("Armature", np.zeros(3), turn, scale)]):
+        values = zip(REST.items(), transform, strict=True)
         entry: dict[str, object] = {"name": name} if name else {}
-        entry |= {key: _exact(value) for (key, usual), value in changes if (value != usual).any()}
-        children = below.get(node if node < len(nodes) else -1)
+        entry |= {key: _single(value) for (key, default), value in values if (value != default).any()}
+        children = children_of.get(node if node < len(nodes) else -1)
         entries.append(entry | ({"children": children} if children else {}))
     return [*entries, {"name": mesh, "mesh": 0, "skin": 0}]
 
 
-def _mesh(character: Character, mesh: SkinnedMesh, looks: Looks, name: str, numbers: _Numbers) -> dict[str, Entries]:
-    """The lists of a document with a mesh, its skin and its materials, and its `numbers`."""
+def _mesh(character: Character, mesh: SkinnedMesh, looks: Looks, name: str, data: _BufferWriter) -> dict[str, Entries]:
+    """The lists of a document with a mesh, its skin and its materials; the numbers in them are added to `data`."""
     binds, joints = character.bind_transforms, character.joint_nodes.tolist()
     inverse = np.linalg.inv(np.array([binds[joint] for joint in joints]))
-    skin = {"joints": joints, "inverseBindMatrices": numbers.add(np.swapaxes(inverse, 1, 2).reshape(-1, 16))}
+    skin = {"joints": joints, "inverseBindMatrices": data.add(np.swapaxes(inverse, 1, 2).reshape(-1, 16))}
     vertices = mesh.vertices + character.skeleton.offsets[0]
-    extremes = [_exact(each(axis=0)) for each in (vertices.min, vertices.max)]
-    attributes = {"POSITION": numbers.add(vertices, min=extremes[0], max=extremes[1])}
+    extremes = [_single(each(axis=0)) for each in (vertices.min, vertices.max)]
+    attributes = {"POSITION": data.add(vertices, min=extremes[0], max=extremes[1])}
     if looks.normals is not None and np.linalg.norm(looks.normals, axis=1).min() > 0.5:
-        attributes["NORMAL"] = numbers.add(looks.normals)
+        attributes["NORMAL"] = data.add(looks.normals)
     if looks.uv.any():
-        attributes["TEXCOORD_0"] = numbers.add(looks.uv * [1.0, -1.0] + [0.0, 1.0])
+        attributes["TEXCOORD_0"] = data.add(looks.uv * [1.0, -1.0] + [0.0, 1.0])
     for number, (joints_of, weights) in enumerate(_sets(mesh)):
-        attributes[f"JOINTS_{number}"] = numbers.add(joints_of, SHORT)
-        attributes[f"WEIGHTS_{number}"] = numbers.add(weights)
+        attributes[f"JOINTS_{number}"] = data.add(joints_of, SHORT)
+        attributes[f"WEIGHTS_{number}"] = data.add(weights)
     lists: dict[str, Entries] = {"skins": [skin], "images": [], "textures": [], "materials": []}
-    on: dict[bytes, int] = {}  # the texture of each image
+    textures: dict[bytes, int] = {}  # texture index by image
     primitives: Entries = []
     for number in np.unique(looks.of_triangle).tolist():
         own = mesh.triangles[looks.of_triangle == number]
-        primitives.append({"attributes": attributes, "indices": numbers.add(own.ravel(), INT)})
+        primitives.append({"attributes": attributes, "indices": data.add(own.ravel(), INT)})
         if number < 0:
             continue
         material = looks.materials[number]
         surface: dict[str, object] = {"baseColorFactor": list(material.colour), "metallicFactor": 0.0}
         surface["roughnessFactor"] = 0.9
         if material.image and looks.uv.any():
-            if material.image not in on:
-                on[material.image] = len(on)
+            if material.image not in textures:
+                textures[material.image] = len(textures)
                 kind = next(kind for mark, kind in IMAGES.items() if material.image.startswith(mark))
                 lists["textures"].append({"source": len(lists["images"])})
-                lists["images"].append({"bufferView": numbers.view(material.image), "mimeType": kind})
-            surface["baseColorTexture"] = {"index": on[material.image]}
+                lists["images"].append({"bufferView": data.view(material.image), "mimeType": kind})
+            surface["baseColorTexture"] = {"index": textures[material.image]}
         blend = {"alphaMode": "BLEND"} if material.colour[3] < 1.0 else {}
         primitives[-1]["material"] = len(lists["materials"])
         lists["materials"].append({"pbrMetallicRoughness": surface, "doubleSided": True, **blend})
     return lists | {"meshes": [{"name": name, "primitives": primitives}]}
 
 
-def _exact(values: Array) -> list[float]:
-    """Numbers as they are in single precision."""
+def _single(values: Array) -> list[float]:
+    """Numbers rounded to single precision."""
     return [float(value) for value in values.astype(np.float32)]
 
 
 def _sets(mesh: SkinnedMesh) -> Iterator[tuple[Numbers, Array]]:
-    """Yield joints and weights of vertices, (vertices, 4) each, four a time; weights add up to 1."""
+    """Yield joints and weights of vertices in sets of four, (vertices, 4) each; weights add up to 1 over all sets."""
     order = np.argsort(-mesh.weights, axis=1, kind="stable")
     weights = np.take_along_axis(mesh.weights, order, axis=1)
     used = max(int((weights > LEAST_WEIGHT).sum(axis=1).max()), 1)

@@ -1,4 +1,4 @@
-"""Files that are read: their content, their format, and the files beside them that they name."""
+"""Input files: their content, their format, and the files beside them that they refer to."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from distretarget.io.formats import GLB_MARK, Format, Kind, format_of
 from distretarget.io.gltf import Gltf, parse_gltf, read_beside
 
 Source = str | Path | bytes | IO[bytes]  # a file to read: its path, its content, or a file object opened as binary
-BYTES = "bytes"  # stands for a file without a name in errors
+BYTES = "bytes"  # the name of a file without one in errors
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,23 +25,23 @@ class InputFile:
     """The content of a file, and of the files that belong to it."""
 
     content: bytes
-    path: str | Path  # of the file, or what stands for it in errors
-    beside: Mapping[str, bytes] = field(default_factory=dict)  # the files that a .gltf file names, by the URI in it
-    skeleton: InputFile | None = None  # the skeleton that arrays are for
-    has_folder: bool = True  # whether the path is one, so that there may be files beside it
+    path: str | Path  # of the file, or its name in errors
+    beside: Mapping[str, bytes] = field(default_factory=dict)  # the contents of a .gltf file's buffer files by URI
+    skeleton: InputFile | None = None  # of a file of arrays, the file with the skeleton they belong to
+    has_folder: bool = True  # whether `path` is a real path, so that there may be files beside it
 
     @cached_property
     def format(self) -> Format:
-        """The format of the file, by its content, and by its name where that does not tell."""
+        """The format of the file by its content, or else by its name."""
         return format_of(self.content, self.path)
 
     @property
     def kind(self) -> Kind:
-        """What the file is."""
+        """The kind of format."""
         return self.format.kind
 
     def __reduce__(self) -> tuple[type[InputFile], tuple[object, ...]]:
-        """Pickle the content alone, for a worker, without what is cached of it."""
+        """Pickle the content, for a worker, without the cached properties."""
         return InputFile, (self.content, self.path, dict(self.beside), self.skeleton, self.has_folder)
 
     @cached_property
@@ -66,9 +66,9 @@ class InputFile:
 
 
 def load_file(source: Source) -> InputFile:
-    """Read a file, and those that it names if it is a .gltf file; a FileError or SkeletonFileError if one cannot be
-    read, or is outside its folder. Bytes and file objects have no folder, so that no file beside them is read; the name
-    of a file object, if it has one, stands for them in errors, and its ending may say what they are.
+    """Read a file, and a .gltf file's buffer files; a FileError or SkeletonFileError if one cannot be read, or is
+    outside the folder. Beside bytes and file objects no other file is read. A file object's name, if it has one, is
+    used in errors, and its suffix may tell the format.
     """
     if isinstance(source, str | PathLike):
         return with_files_beside(InputFile(read_bytes(source), source))
@@ -80,7 +80,7 @@ def load_file(source: Source) -> InputFile:
 
 
 def with_files_beside(file: InputFile) -> InputFile:
-    """Return the file with those that it names; errors as in `load_file`."""
+    """Return a file with a .gltf file's buffer files; errors as in `load_file`."""
     if file.kind != "glTF" or file.content.startswith(GLB_MARK):
         return file
     return InputFile(file.content, file.path, read_beside(file.content, file.path))

@@ -1,5 +1,5 @@
-"""Motions as the containers of bvhio (https://github.com/Wasserwecken/bvhio), which keeps a `Pose` per joint and frame:
-a position, which the position channels replace, and a rotation, both in float32.
+"""Convert motions from and to containers of bvhio (https://github.com/Wasserwecken/bvhio), which holds a `Pose` per
+joint and frame: a position, from the position channels, else the OFFSET, and a rotation, both in float32.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ LARGEST_FLOAT32 = float(np.finfo(np.float32).max)  # the largest coordinate that
 
 
 def from_bvhio(container: bvhio.BvhContainer) -> Motion:
-    """The motion in a container, such as `bvhio.readAsBvh` returns.
+    """Return the motion in a container, such as `bvhio.readAsBvh` returns.
 
-    It is the motion that `read_bvh` reads from the same file, except for what bvhio does not keep:
+    It equals the motion that `read_bvh` reads from the same file, except for what bvhio does not keep:
 
     - offsets, positions and rotations have the 7 digits of float32;
     - the frame time is spelled as Python spells the number, 0.0333330 as 0.033333;
@@ -55,9 +55,9 @@ def from_bvhio(container: bvhio.BvhContainer) -> Motion:
 
 
 def to_bvhio(motion: Motion) -> bvhio.BvhContainer:
-    """A container with the motion, which `bvhio.writeBvh` writes and `bvhio.convertBvhToHierarchy` turns into joints.
-    It has 7 digits, the frame time as a float, and an End Site of length 0 at joints with neither children nor End
-    Site.
+    """Return a container with the motion, which `bvhio.writeBvh` writes and `bvhio.convertBvhToHierarchy` turns into
+    joints. It has 7 digits, the frame time as a float, and an End Site of length 0 at joints with neither children nor
+    End Site.
 
     `bvhio.writeBvh` computes the angles of each frame on its own: they stay within 180 degrees, jump where those of
     `write_bvh` continue, and give another rotation where the middle one is 90 degrees.
@@ -89,7 +89,7 @@ def _bvhio() -> ModuleType:
     """The package bvhio; everything else works without it."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PendingDeprecationWarning)  # its pyglm announces a new name
+            warnings.simplefilter("ignore", PendingDeprecationWarning)  # of pyglm, which it imports
             return importlib.import_module("bvhio")
     except ImportError as error:
         raise MissingPackageError(
@@ -113,7 +113,7 @@ def _check_container(container: bvhio.BvhContainer) -> None:
 
 
 def _nodes(root: bvhio.BvhJoint) -> Iterator[tuple[bvhio.BvhJoint, int, bool]]:
-    """Depth first, each joint, its parent's number in this order, and false; for an End Site its joint, and true."""
+    """Yield, depth first, (joint, parent's index in this order, False), and for End Sites (parent, its index, True)."""
     stack, number = [(root, -1, False)], 0
     while stack:
         joint, parent, is_end_site = stack.pop()

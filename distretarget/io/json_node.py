@@ -1,4 +1,4 @@
-"""JSON values that know their place in the file, for errors; and JSON as text, changed without a trace elsewhere."""
+"""JSON values with their place in the file, for errors; and edits of JSON text that leave the rest of it unchanged."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ from distretarget.skeleton import LARGEST, SMALLEST
 
 Value = TypeVar("Value")
 
-MOST_ENTRIES = 65536  # of a list or object that is read
-WHOLE = 2**53  # up to it floats hold all whole numbers
-INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others hold bytes that are not valid UTF-8
+MOST_ENTRIES = 65536  # of a list or object
+LARGEST_WHOLE = 2**53  # floats hold all whole numbers up to it
+INVALID_SURROGATES = re.compile(r"[\ud800-\udc7f\udd00-\udfff]")  # the others stand for bytes that are not valid UTF-8
 BLANK = re.compile(r"[ \t\n\r]*")
 
 
 @contextmanager
-def without_collection() -> Iterator[None]:
-    """Make many objects without looking for garbage among them, which takes most of the time of reading JSON."""
+def without_garbage_collection() -> Iterator[None]:
+    """Suspend garbage collection, which else takes most of the time of reading large JSON."""
     was_collecting = gc.isenabled()
     gc.disable()
     try:
@@ -41,7 +41,7 @@ def parse_json(path: str | Path, text: str) -> Node:
     digits.
     """
     try:
-        with without_collection():
+        with without_garbage_collection():
             return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=shared_float))
     except json.JSONDecodeError as error:
         place = f"line {error.lineno}, column {error.colno}"
@@ -52,7 +52,7 @@ def parse_json(path: str | Path, text: str) -> Node:
 
 @lru_cache(maxsize=65536)
 def shared_float(digits: str) -> float:
-    """Return the value of a whole number; one float for all that are the same, as files have many."""
+    """Return the value of a whole number, one float object for equal ones, to save memory."""
     return float(digits)
 
 
@@ -115,7 +115,7 @@ class Node:
         return [Node(self.path, f"{self.place}[{i}]", value) for i, value in enumerate(entries)]
 
     def numbers(self, count: int) -> list[float]:
-        """Return the numbers of a list of so many."""
+        """Return the numbers of a list, which must have `count` of them."""
         if len(numbers := self.items()) != count:
             self.expected(f"a list of {count} numbers")
         return [number.number() for number in numbers]
@@ -158,7 +158,7 @@ class Node:
         return self.number()
 
     def whole(self) -> int:
-        return self.index(WHOLE, "")
+        return self.index(LARGEST_WHOLE, "")
 
     def index(self, most: int, key: str) -> int:
         """Return the index of an entry of the list at a key, from 0 to `most`."""
@@ -173,32 +173,32 @@ class Node:
 
 
 class Fields(dict[str, Node]):
-    """The values of a JSON object by key; `node` is the object, or that which lacks it."""
+    """The values of a JSON object by key; `node` is the object, or if it is missing the one that should hold it."""
 
     def __init__(self, node: Node) -> None:
         self.node = node
 
     def need(self, key: str) -> Node:
-        """Return the value at a key; a SkeletonFileError where the object lacks the key."""
+        """Return the value at a key; a SkeletonFileError if the object lacks the key."""
         if key not in self:
             self.node.fail(f'has no "{key}"')
         return self[key]
 
     def read(self, key: str, read: Callable[[Node], Value], default: Value) -> Value:
-        """Return what `read` makes of the value at a key, or the default where the object lacks the key."""
+        """Return `read` of the value at a key, or the default if the object lacks the key."""
         return read(self[key]) if key in self else default
 
     def inner(self, key: str) -> Fields:
-        """Return the values of the object at a key; none where this object lacks the key."""
+        """Return the values of the object at a key; empty if this object lacks the key."""
         return self[key].entries() if key in self else Fields(self.node)
 
     def listed(self, key: str) -> list[Node]:
-        """Return the values of the list at a key; none where the object lacks the key."""
+        """Return the values of the list at a key; empty if this object lacks the key."""
         return self[key].items() if key in self else []
 
 
 def described(value: object) -> str:
-    """Return what a value is, in a few words."""
+    """Return a short description of a value for messages."""
     if isinstance(value, list | tuple):
         return f"a list of {len(value)}" if isinstance(value, list) else "an object"
     if isinstance(value, str):
@@ -220,7 +220,7 @@ def on_one_line(value: object) -> str:
 
 
 def on_lines(value: object, levels: int, indent: str = "") -> str:
-    """Return a value as JSON with a line for each entry of the lists and objects in its first levels."""
+    """Return a value as JSON, with a line for each entry of lists and objects down to a depth of `levels`."""
     if not levels or not value or not isinstance(value, list | dict):
         return on_one_line(value)
     inner = f"{indent}  "
@@ -234,7 +234,7 @@ def on_lines(value: object, levels: int, indent: str = "") -> str:
 
 
 class Member(NamedTuple):
-    """A member of an object or list: its key, or its number, and where its value is in the text."""
+    """A member of an object or list: its key or index, and where its value begins and ends in the text."""
 
     key: str | int
     start: int
@@ -262,13 +262,13 @@ def members(text: str, start: int) -> Iterator[Member]:
 
 
 def changed(text: str, entry: Member, new: Mapping[str, object], without: str = "") -> Edit:
-    """Return the edit that gives the object at a member new values by key, and takes one of its keys away."""
+    """Return the edit that sets values by key in the object at a member, and removes the key `without`."""
     old = json.loads(text[entry.start : entry.end], parse_int=_number)
     return entry.start, entry.end, compact({key: old[key] for key in old if key != without} | dict(new))
 
 
 def _number(digits: str) -> float:
-    """The value of a whole number; a float where Python may refuse to read an integer of so many digits."""
+    """The value of a whole number; a float if it is long: Python refuses to read integers of too many digits."""
     return int(digits) if len(digits) < 20 else float(digits)
 
 
@@ -282,7 +282,7 @@ def added(text: str, start: int, entries: Sequence[str]) -> Edit:
 
 
 def edited(text: str, edits: Sequence[Edit]) -> str:
-    """Return the text with parts replaced that do not overlap."""
+    """Return the text with edits applied, which must not overlap."""
     parts, at = [], 0
     for start, end, new in sorted(edits):
         parts += [text[at:start], new]

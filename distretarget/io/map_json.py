@@ -1,4 +1,4 @@
-"""Map files: JSON that says which source joint drives which target joint, and perhaps how the source's body stands."""
+"""Map files: JSON that says which source joint drives which target joint, and optionally a rest pose of the source."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from distretarget.skeleton import JointMap, Skeleton
 from distretarget.target import Target
 
 HEADER: dict[str, object] = {"format": "distretarget-map", "version": 1}
-DIGITS = 9  # of the numbers of a rotation, behind the point
-QUATERNION = 4  # numbers of a rotation, x y z w
+DECIMALS = 9  # of the numbers of a quaternion
+QUATERNION = 4  # numbers of a quaternion, x y z w
 
 
 @dataclass(frozen=True)
 class RestPose:
-    """A pose in which the source's body stands, for alignment with the target."""
+    """A standing pose of the source's body, to be aligned with the target's rest pose."""
 
-    rotations: Mapping[str, Sequence[float]]  # by joint, relative to its parent, x y z w
+    rotations: Mapping[str, Sequence[float]]  # local rotations by joint key, x y z w
     path: str | Path  # of its file, for errors
 
     def on(self, skeleton: Skeleton) -> Motion:
-        """Return the pose of a body, one frame; a FileError if it has other joints, or does not stand so."""
+        """Return the pose on a skeleton, one frame; a FileError if it has other joints or the body does not stand."""
         keys = {skeleton.keys[joint] for joint in skeleton.joints}
         if keys != self.rotations.keys():
             raise FileError(
@@ -53,7 +53,7 @@ class RestPose:
 
 @dataclass(frozen=True)
 class MapFile:
-    """The pairs of a map file, {target key: source key or None}, its path, for errors, and its rest pose."""
+    """The pairs of a map file, {target key: source key or None}, its path for errors, and its rest pose."""
 
     pairs: JointMap
     path: str | Path
@@ -61,11 +61,11 @@ class MapFile:
 
 
 def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile:
-    """Return the map in a file, or an empty map if `path` is None. The pose of the first frame of `rest`, a file of the
-    source's rig, replaces the rest pose of the map.
+    """Return the map in a file, or an empty map if `path` is None. The first frame of `rest`, a file of the source's
+    rig, replaces the rest pose of the map.
 
     Raises:
-        FileError: a file cannot be read, or `rest` has no frames, or nobody stands in the first.
+        FileError: a file cannot be read, or `rest` has no frames, or the body does not stand in the first.
         SkeletonFileError, BvhError: the map is neither {"target joint": "source joint" or null} nor of the full form;
             `rest` is not valid.
     """
@@ -74,12 +74,12 @@ def load_map(path: str | Path | None, rest: str | Path | None = None) -> MapFile
 
 
 def rest_pose_in(file: InputFile) -> RestPose:
-    """Return the pose of the first frame of a file; a FileError if there is none, or nobody stands in it."""
+    """Return the pose of a file's first frame; a FileError if it has no frames, or the body does not stand in it."""
     motion, _ = parse_motion(file)
     if not len(motion):
         raise FileError(file.path, "has no frames, expected one in which the body stands")
     skeleton = motion.skeleton
-    rotations = {skeleton.keys[joint]: motion.rotations[0, joint].round(DIGITS).tolist() for joint in skeleton.joints}
+    rotations = {skeleton.keys[joint]: motion.rotations[0, joint].round(DECIMALS).tolist() for joint in skeleton.joints}
     rest = RestPose(rotations, file.path)
     rest.on(skeleton)
     return rest
@@ -106,17 +106,16 @@ def _rest(node: Node) -> RestPose:
 
 
 def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
-    """Return the text of a map file that gives this matching again, with a rest pose if there is one: a pair for each
-    joint of the target, depth first, but spines and necks that blend rotations, and End Sites that were matched
-    automatically.
+    """Return the text of a map file that reproduces a matching, with a rest pose if given: a pair for each joint of the
+    target, depth first, except spines and necks that blend rotations, and End Sites that were matched automatically.
     """
     source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
-    bending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
+    blending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
     ends = target.end_sites & (np.array(matching.method) != "map")
     pairs = {
         target.keys[joint]: source.keys[drivers[joint]] if drivers[joint] >= 0 else None
         for joint in target.depth_first
-        if not (bending[joint] or ends[joint])
+        if not (blending[joint] or ends[joint])
     }
     if rest is None:
         return f"{on_lines(pairs, 1)}\n"
@@ -124,7 +123,7 @@ def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
 
 
 def joint_map(source: Skeleton, target: Target, path: str | Path, map_file: MapFile) -> JointMap:
-    """Return the map of the target's file, `path`, with the pairs of a map file first; or a SkeletonFileError."""
+    """Return the map in the target's file, at `path`, overridden by a map file's pairs, or a SkeletonFileError."""
     pairs = {**target.map, **map_file.pairs}
     try:
         pairs_of_map(source, target.skeleton, pairs)

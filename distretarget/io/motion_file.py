@@ -1,4 +1,4 @@
-"""Motions from files of all kinds: BVH, glTF, VRM, VRM animations, FBX, and arrays with a skeleton for them."""
+"""Read motions from files of all formats: BVH, glTF, VRM, VRM animations, FBX, and arrays with a skeleton."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from distretarget.character.from_scene import character_of
 from distretarget.checks import check_kind, check_number
 from distretarget.errors import DistretargetError, FileError, in_file, quoted
 from distretarget.io.arrays import ArraysFile
-from distretarget.io.bvh import doubts, parse_bvh
+from distretarget.io.bvh import bvh_warnings, parse_bvh
 from distretarget.io.input_file import InputFile, Source, load_file
 from distretarget.io.smpl import PARTS, array_skeleton, smpl_motion
 from distretarget.io.target_file import CharacterMesh, parse_full_target, read_character_scene
@@ -23,9 +23,9 @@ from distretarget.numerics.rotations import from_represented
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import Skeleton
 
-OWN = ("local_rotations", "root_path")  # of the arrays that the program writes itself
-POSITIONS = "positions"  # the name of positions where a file has several arrays like them
-RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # the names of a frame rate [frames/s]
+OWN_ARRAYS = ("local_rotations", "root_path")  # among those that `write_npz` writes
+POSITIONS = "positions"  # the name of joint positions in a file with several arrays of that shape
+RATE_KEYS = ("mocap_framerate", "mocap_frame_rate", "fps")  # names of the frame rate in files of arrays
 
 
 def read_motion(
@@ -33,16 +33,16 @@ def read_motion(
 ) -> Motion:
     """Return the motion in a file: BVH, glTF 2.0 (.glb, .gltf), VRM 0 or 1, VRM animation (.vrma), FBX, or arrays.
 
-    The skeleton of a character file is what its skins use, in the bind pose; its animation is sampled. Arrays, .npz or
-    .npy, are parameters of SMPL, SMPL-H or SMPL-X as AMASS has them (`poses`, `trans`), or positions of joints,
-    (frames, joints, 3), for which rotations are solved.
+    A character file gives the joints of its skins, in the bind pose, and a sampled animation. Arrays, .npz or .npy, are
+    parameters of SMPL, SMPL-H or SMPL-X as in AMASS (`poses`, `trans`), or joint positions, (frames, joints, 3), for
+    which rotations are solved.
 
     Args:
-        path: of the file; or its content as bytes, or a file object opened as binary, which name no files beside them.
-            The content decides what it is.
+        path: of the file; or its content as bytes, or a file object opened as binary, which cannot refer to other
+            files. The format is recognised by the content.
         clip: the name of one of several animations in the file, or "#2" for the second.
-        fps: the frame rate [frames/s]; the file's own keys if not given. Arrays that do not say theirs have this one.
-        skeleton: the file of the skeleton that arrays are for: one that `load_target` reads; of SMPL also a model.
+        fps: the frame rate of the result [frames/s]; by default the file's own. Needed for arrays without one.
+        skeleton: the file with the skeleton of arrays: any that `load_target` reads; for SMPL also a model's.
 
     Raises:
         FileError: the file cannot be read or has no such animation.
@@ -51,7 +51,7 @@ def read_motion(
         SettingsError: an argument has the wrong type, or is out of bounds.
 
     Warns:
-        UserWarning: of what is left out, such as scales that change, or doubtful, such as a frame time in milliseconds.
+        UserWarning: something is left out, such as scales that change, or looks wrong, such as the frame time.
     """
     check_kind("clip", clip, str, NoneType)
     if fps is not None:
@@ -64,7 +64,7 @@ def read_motion(
 
 
 def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = None) -> tuple[Motion, tuple[str, ...]]:
-    """Return the motion in a file as `read_motion` does, and what is left out or doubtful, a line each."""
+    """Return the motion in a file and the warnings, a line each, as in `read_motion`."""
     match file.kind:
         case "skeleton":
             raise FileError(file.path, "is a skeleton file, which has no motion; expected a BVH, glTF, VRM or FBX file")
@@ -73,7 +73,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
             if clip is not None:
                 raise FileError(file.path, "is BVH, which holds one motion without a name; leave out clip")
             with in_file(file.path):
-                return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), tuple(doubts(file.text, motion))
+                return (motion.resampled(f"{1 / fps:.9g}") if fps else motion), tuple(bvh_warnings(file.text, motion))
         case "arrays":
             return _array_motion(file, fps), ()
     scene = read_character_scene(file, clip, fps)
@@ -87,7 +87,7 @@ def parse_motion(file: InputFile, clip: str | None = None, fps: float | None = N
 
 
 def _array_motion(file: InputFile, fps: float | None) -> Motion:
-    """The motion in a file of arrays, on the skeleton in `file.skeleton`, or in the file itself."""
+    """The motion in a file of arrays, on the skeleton in `file.skeleton`, or else in the file itself."""
     arrays = file.arrays
     is_smpl = "poses" in arrays or PARTS[1] in arrays
     frame_time = _frame_time(arrays, fps)
@@ -96,13 +96,13 @@ def _array_motion(file: InputFile, fps: float | None) -> Motion:
     try:
         if is_smpl:
             motion = smpl_motion(arrays, skeleton, frame_time)
-        elif file.skeleton is None and all(name in arrays for name in OWN):
-            shape, _ = arrays.kind(OWN[0])
+        elif file.skeleton is None and all(name in arrays for name in OWN_ARRAYS):
+            shape, _ = arrays.shape_and_dtype(OWN_ARRAYS[0])
             width = (3, 3) if len(shape) == 4 else (6,) if shape[-1:] == (6,) else (4,)
-            turns = from_represented(arrays.numbers(OWN[0], "frames", "joints", *width))
-            motion = Motion(skeleton, arrays.numbers("root_path", "frames", 3), turns, frame_time)
+            rotations = from_represented(arrays.numbers(OWN_ARRAYS[0], "frames", "joints", *width))
+            motion = Motion(skeleton, arrays.numbers(OWN_ARRAYS[1], "frames", 3), rotations, frame_time)
         else:
-            from distretarget.objectives.positions import motion_of_positions  # takes long to import
+            from distretarget.objectives.positions import motion_of_positions  # slow to import
 
             positions = _positions(arrays)
             motion = motion_of_positions(skeleton, _joints(arrays, skeleton, positions.shape[1]), positions, frame_time)
@@ -114,7 +114,7 @@ def _array_motion(file: InputFile, fps: float | None) -> Motion:
 
 
 def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
-    """The frame time that the file states, or else that of `fps` [s], as text."""
+    """The frame time that the file states, or else 1 / fps [s], as text."""
     rate = next((arrays.number(name) for name in RATE_KEYS if name in arrays), fps)
     text = f"{arrays.number('frame_time') if 'frame_time' in arrays else 1 / rate if rate else 0.0:.9g}"
     if not is_frame_time(text):
@@ -123,7 +123,7 @@ def _frame_time(arrays: ArraysFile, fps: float | None) -> str:
 
 
 def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
-    """The skeleton that the arrays are for; of a model in the shape `betas`."""
+    """The skeleton of the arrays; a model's in the shape `betas`."""
     if file.skeleton is None:
         if "offsets" in file.arrays:
             return array_skeleton(file.arrays)
@@ -135,19 +135,19 @@ def _skeleton(file: InputFile, betas: Array | None) -> Skeleton:
 
 
 def _positions(arrays: ArraysFile) -> Array:
-    """(frames, joints, 3), the positions in a file: the array of this name, or the only one of this shape."""
+    """The positions in a file, (frames, joints, 3): the array `POSITIONS`, or the only one of this shape."""
     if POSITIONS in arrays:
         return arrays.numbers(POSITIONS, "frames", "joints", 3)
-    likely = [name for name in arrays.parts if len(shape := arrays.kind(name)[0]) == 3 and shape[2] == 3]
-    if len(likely) != 1:
-        found = quoted(likely or arrays.parts)
+    fitting = [name for name in arrays.parts if len(shape := arrays.shape_and_dtype(name)[0]) == 3 and shape[2] == 3]
+    if len(fitting) != 1:
+        found = quoted(fitting or arrays.parts)
         wanted = f"{POSITIONS}, (frames, joints, 3), or poses and trans of SMPL"
         raise FileError(arrays.path, f"has {found}; expected {wanted}")
-    return arrays.numbers(likely[0], "frames", "joints", 3)
+    return arrays.numbers(fitting[0], "frames", "joints", 3)
 
 
 def _joints(arrays: ArraysFile, skeleton: Skeleton, count: int) -> NDArray[np.intp]:
-    """(count,), the joint that each position is of: by `names`, or in the skeleton's order, with End Sites or not."""
+    """The joint of each position, (count,): by the array `names`, else all joints, or all but End Sites."""
     if "names" in arrays:
         return np.array([skeleton.index(str(name)) for name in arrays.array("names").ravel()], np.intp)
     for joints in (np.arange(len(skeleton)), np.array(skeleton.joints)):

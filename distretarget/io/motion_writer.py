@@ -1,6 +1,4 @@
-"""Motions written by the kind of file that a name's ending says: BVH, a character with its mesh, a VRM animation, or
-arrays.
-"""
+"""Write motions in the format that a file name's suffix says: BVH, a character file, a VRM animation, or arrays."""
 
 from __future__ import annotations
 
@@ -36,11 +34,11 @@ from distretarget.numerics.rotations import RotationKind
 from distretarget.numerics.vectors import Array, level
 
 Y_UP = np.array([0.0, 1.0, 0.0])
-PATH_KEY = "root_path"  # in the extras of an animation in place: where the root was in each frame [file units]
+PATH_KEY = "root_path"  # in the extras of an animation in place: the root's position in each frame [file units]
 
 
 class Labelled(Protocol):
-    """A motion with labels of its frames, such as a `RetargetResult`."""
+    """A motion with labels of its frames, arrays by name, such as a `RetargetResult`."""
 
     @property
     def motion(self) -> Motion: ...
@@ -50,7 +48,7 @@ class Labelled(Protocol):
 
 
 def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
-    """Return what a file with this name holds, or raise a FileError if the target cannot be written so."""
+    """Return the kind of file that the suffix of an output means; a FileError if the target cannot be written so."""
     suffix, named = Path(path).suffix.lower(), format_of_name(path)
     if named and named.unwritten:
         raise FileError(path, named.unwritten)
@@ -72,7 +70,9 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
 
 
 def suffix_of(target: TargetFile, kind: str | None = None) -> str:
-    """Return the suffix of results of a kind, such as "glb", or of the target's own, else .bvh; or a FileError."""
+    """Return the suffix of results of a kind, such as "glb"; by default the target's if it is glTF, else .bvh. A
+    FileError if the target cannot be written in it.
+    """
     suffix, own = f".{kind}" if kind else ".bvh", Path(target.path).suffix.lower()
     if kind is None and target.file is not None and target.file.kind == "glTF":
         suffix = own if own in OUTPUTS else ".glb"
@@ -91,21 +91,21 @@ def write_motion(
     in_place: bool = False,
     overwrite: bool = False,
 ) -> None:
-    """Write a motion to a file, whole or not at all: BVH (.bvh), a VRM animation (.vrma), arrays (.npz), or, of a
-    motion on the skeleton of a character file, that file with an animation more (.glb, .gltf, .vrm).
+    """Write a motion to a file, complete or not at all: BVH (.bvh), a VRM animation (.vrma), arrays (.npz), or a
+    character's file with the motion as an animation (.glb, .gltf, .vrm).
 
     Args:
-        path: of the file; its ending says what it is. Or a file object opened as binary, which gets the content.
-        motion: to write; of a `RetargetResult`, arrays hold the labels of its frames, too.
-        character: the character's file, as `load_target` takes it; for .bvh and .npz not needed.
-        kind: what a file object gets: "bvh", "glb", "gltf", "vrm", "vrma" or "npz".
-        name: of the animation; the file's name without ending if not given.
+        path: of the file; its suffix says the format. Or a file object opened as binary.
+        motion: the motion; with a `RetargetResult`, arrays also hold the labels of its frames.
+        character: the character's file, as `load_target` takes it; not needed for .bvh and .npz.
+        kind: the format for a file object: "bvh", "glb", "gltf", "vrm", "vrma" or "npz".
+        name: of the animation; by default the file's name without suffix.
         animations: "add" it to those in the character's file, or "replace" them.
-        in_place: whether to leave out the root's path along the floor, so that it stays above where it begins.
+        in_place: whether to leave out the root's path along the floor, so that it stays above its first position.
         overwrite: whether to replace a file that exists.
 
     Raises:
-        FileError: the file exists and `overwrite` is false, it cannot be written, or the character cannot be.
+        FileError: the file exists and `overwrite` is false, or it or the character cannot be written.
         MotionError: the motion has other joints than the character.
         SettingsError: `path` is a file object, and `kind` does not say what to write.
     """
@@ -143,10 +143,10 @@ def write_npz(
     overwrite: bool = False,
     precision: Precision = "float64",
 ) -> None:
-    """Write the arrays of `Motion.to_dict` to an npz file, whole or not at all; "float32" makes it half as large. Of a
-    `RetargetResult` it has the labels of its frames as well, of a body of SMPL `poses` and `trans`.
+    """Write the arrays of `Motion.to_dict` to an npz file, complete or not at all; "float32" makes it half as large. A
+    `RetargetResult` adds the labels of its frames, a body of SMPL `poses` and `trans`.
 
-    `numpy.load(path)` gives them back under their names, without pickle. Equal motions make equal files.
+    `numpy.load(path)` reads them, without pickle. Equal motions make equal files.
 
     Raises:
         FileError: the file exists and `overwrite` is false, or it cannot be written.
@@ -160,7 +160,7 @@ def write_npz(
 
 @dataclass(frozen=True)
 class NamedClip:
-    """A motion to write, and its name; `labels` are those of its frames, `weights` those of morph targets, by node."""
+    """A motion to write, and its name; `labels` of its frames by name, `weights` of morph targets by node."""
 
     motion: Motion
     name: str
@@ -174,9 +174,9 @@ class OutputSettings:
     """How motions are written.
 
     Attributes:
-        animations: whether animations are added to those in a character's file, or replace them.
+        animations: "add" animations to those in a character's file, or "replace" them.
         in_place: whether the root's path along the floor is left out.
-        rotations: what those in arrays are: "quaternion" (x y z w), "matrix", or "6d", the matrix's first two columns.
+        rotations: in arrays: "quaternion" (x y z w), "matrix", or "6d", the matrix's first two columns.
         precision: of the numbers in arrays.
     """
 
@@ -188,17 +188,17 @@ class OutputSettings:
     __repr__ = brief_repr
 
     def arrays(self, clip: NamedClip) -> bytes:
-        """Return the content of an npz file with the arrays of a clip, its labels, and its parameters of SMPL."""
+        """Return the content of an npz file with the arrays of a clip, its labels, and a SMPL body's parameters."""
         own = cast(Arrays, clip.motion.to_dict(self.rotations))
         return npz({**own, **smpl_parameters(clip.motion), **clip.labels}, self.precision)
 
     def clip(self, motion: Motion, name: str, up: Array = Y_UP) -> NamedClip:
-        """Return a motion as it is to be written: in place, the root stays above where it begins; `up` is of unit."""
+        """Return a motion as it is written; `in_place` keeps the root above its first position. `up` has length 1."""
         if not self.in_place:
             return NamedClip(motion, name, {})
         path = level(motion.root_positions, up)
-        still = replace(motion, root_positions=motion.root_positions - path + path[:1])
-        return NamedClip(still, name, {PATH_KEY: motion.root_positions.round(6).tolist()})
+        in_place = replace(motion, root_positions=motion.root_positions - path + path[:1])
+        return NamedClip(in_place, name, {PATH_KEY: motion.root_positions.round(6).tolist()})
 
 
 DEFAULT_OUTPUT = OutputSettings()
@@ -226,9 +226,9 @@ def content_of(
 def as_written(
     motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
 ) -> Motion:
-    """Return a motion as a file of this kind holds it; `precision` is that of arrays, `target` has the character. glTF
-    has seven digits, which is coarse far from the origin; a VRM animation the bones of a humanoid; BVH rounds to less
-    than 1e-8.
+    """Return a motion with the losses of a kind of file, to measure what was written: glTF rounds to single precision,
+    arrays to `precision`; a VRM animation has only the bones of a humanoid. BVH counts as exact, to 1e-8. `target` has
+    the character.
     """
     match kind:
         case "BVH":
@@ -243,7 +243,7 @@ def as_written(
 
 
 def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
-    """Return a clip as an animation of the nodes of its character; a MotionError if it has other joints."""
+    """Return a clip as an animation of its character's nodes; a MotionError if the character has other joints."""
     assert isinstance(target.target, CharacterTarget)
     character = target.target.character
     motion, expected = without_ends(clip.motion), character.skeleton
@@ -257,9 +257,9 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
 def with_animations(
     path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode, onto: InputFile | None = None
 ) -> Parts:
-    """Return the content of a character's file with animations, in parts, for a file of this name: a GLB, or JSON for
-    .gltf. What its buffers and images are in is put into it, unless it is a .gltf file in the same folder. `onto` is
-    what was written to this name before; it keeps its animations. A FileError if it is another character.
+    """Return the content of a character's file with animations, in parts: JSON if `path` ends in .gltf, else a GLB.
+    Files of its buffers and images are embedded, unless a .gltf file is written to the character's folder. `onto` is
+    an earlier result at `path`, whose animations stay; a FileError if it has another character.
     """
     assert target.file is not None
     file, folder, as_binary = target.file, Path(target.file.path).parent, Path(path).suffix.lower() != ".gltf"
@@ -282,13 +282,13 @@ def with_animations(
 
 
 def _as_gltf(target: TargetFile) -> Gltf:
-    """The file of a character, as glTF."""
+    """A character's file as glTF."""
     assert target.file is not None
     assert isinstance(target.target, CharacterTarget)
     return target.target.mesh.as_gltf[0] if target.file.kind == "FBX" else target.file.gltf
 
 
 def _shows_same(one: Gltf, other: Gltf) -> bool:
-    """Whether two files have the same nodes at the same places."""
+    """Whether two files have nodes of the same names and world transforms."""
     a, b = gltf_nodes(one), gltf_nodes(other)
     return a.names == b.names and np.allclose(a.transforms, b.transforms)

@@ -1,4 +1,4 @@
-"""Numbers as text and back, exact to the last digit: tables of them as in BVH files. Compiled."""
+"""Convert tables of numbers, as in BVH files, to text and back, exact to the last digit. Compiled."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import numpy as np
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, I1, L1, Array, Letters
 
-MOST_DIGITS = 18  # that always fit an integer of 64 bits
-EXACT = 2**53  # up to it all integers are doubles
-POWERS = np.array([float(10**n) for n in range(23)])  # all powers of ten that are doubles
+MOST_DIGITS = 18  # of a number that is read: these always fit an integer of 64 bits
+EXACT = 2**53  # all integers up to it are doubles
+POWERS = np.array([float(10**n) for n in range(23)])  # the powers of ten that are exact as doubles
 ZERO, PLUS, MINUS, POINT, SMALL_E, LARGE_E, SPACE, TAB, RETURN = b"0+-.eE \t\r"
-MOST_DECIMALS = 18  # that fit an integer of 64 bits
-LARGEST_SCALED = 2.0**50  # of a scaled number; larger ones have too few bits left to round them
-DOUBT = 2.0**-52  # relative error of a scaled number
-SPLIT = 2.0**27 + 1.0  # halves the digits of a number
+MOST_DECIMALS = 18  # of a number that is written: these fit an integer of 64 bits
+LARGEST_SCALED = 2.0**50  # limit of number times 10^decimals; larger ones have too few bits left for rounding
+SCALING_ERROR = 2.0**-52  # relative error of that product
+SPLIT = 2.0**27 + 1.0  # Dekker's constant: splits a double into two halves
 TEN, HUNDRED = np.uint64(10), np.uint64(100)
 PAIRS = np.array([ord(digit) for number in range(100) for digit in f"{number:02}"], np.uint8)
-LONGEST_NUMBER = 22  # characters of a number: sign, digits, point, and the blank after it
+LONGEST_NUMBER = 22  # characters: sign, digits, point, and the blank after the number
 NEWLINE = ord("\n")
 
 
@@ -46,12 +46,12 @@ def parse_numbers(text: bytes) -> Array | None:
 
 @compiled()
 def _leading_numbers(text: L1, powers: F1, numbers: Out[F1], end: Out[I1]) -> int:
-    """Write the first numbers of a text, which ends with a blank, to `numbers`, and where they end to `end`;
-    return their count.
+    """Write the numbers at the beginning of a text, which ends with a blank, to `numbers`, and the position where they
+    end to `end`; return their count.
 
-    They end at the first word that is not a number or has too many digits. For the others one multiplication or
-    division of two exact doubles, the digits as an integer and a power of ten, gives the nearest double (W. D. Clinger,
-    How to read floating point numbers accurately, 1990).
+    They end at the first word that is not a number, or whose digits or power of ten are not exact as doubles. If both
+    are, one multiplication or division gives the nearest double (W. D. Clinger, How to read floating point numbers
+    accurately, 1990).
     """
     count, at = 0, 0
     while True:
@@ -91,7 +91,7 @@ def _leading_numbers(text: L1, powers: F1, numbers: Out[F1], end: Out[I1]) -> in
 
 @inlined()
 def _digits(text: Letters, at: int, whole: int) -> tuple[int, int]:
-    """A whole number with the digits from a place of a text on behind its own, and where these end."""
+    """Append the digits at a position of a text to a whole number; return it and the position behind them."""
     digit = _digit(text[at])
     while 0 <= digit <= 9:
         whole, at = 10 * whole + digit, at + 1
@@ -101,7 +101,7 @@ def _digits(text: Letters, at: int, whole: int) -> tuple[int, int]:
 
 @inlined()
 def _digit(letter: int) -> int:
-    """The value of a digit, other letters have none from 0 to 9; in 64 bits, since bytes would overflow."""
+    """The value of a digit; outside 0 to 9 for other characters. In 64 bits, since bytes would overflow."""
     return np.int64(letter) - ZERO  # type: ignore[return-value]
 
 
@@ -128,8 +128,8 @@ def rows_text(values: Array, decimals: Sequence[int]) -> str:
 
 @compiled()
 def _write_rows(values: F2, scales: F1, decimals: I1, pairs: L1, text: Out[L1]) -> int:
-    """Write numbers as decimals to the end of `text`, last digit first; return where the text begins, -1 if one is too
-    large. `pairs` are the two digits of each number below 100.
+    """Write numbers as decimals to `text`, from its end backwards; return where the text begins, -1 if a number is too
+    large. `pairs` has the two digits of each number below 100.
     """
     at, columns = len(text), len(decimals)
     for row in range(len(values) - 1, -1, -1):
@@ -161,14 +161,14 @@ def _write_rows(values: F2, scales: F1, decimals: I1, pairs: L1, text: Out[L1]) 
 
 @inlined()
 def _write_digit(number: np.uint64, text: Letters, at: int) -> int:
-    """Write the last digit of a number before a place; return the digit's."""
+    """Write the last digit of a number before a position; return the digit's position."""
     text[at - 1] = ZERO + np.int64(number % TEN)
     return at - 1
 
 
 @inlined()
 def _write_pair(number: np.uint64, pairs: Letters, text: Letters, at: int) -> int:
-    """The same of the last two digits."""
+    """Write the last two digits of a number before a position; return the position of the first."""
     pair = 2 * np.int64(number % HUNDRED)
     text[at - 2], text[at - 1] = pairs[pair], pairs[pair + 1]
     return at - 2
@@ -176,15 +176,14 @@ def _write_pair(number: np.uint64, pairs: Letters, text: Letters, at: int) -> in
 
 @inlined()
 def _rounded(size: float, scale: float) -> int:
-    """The product of a positive number and a power of ten, rounded to a whole number; of two equally near ones, to the
-    even one.
+    """The exact product of a positive number and a power of ten, rounded to a whole number, halves to even.
 
-    Where scaling may have pushed it across a half, the error of the product decides, which is exact (T. J. Dekker, A
-    floating-point technique for extending the available precision, 1971).
+    If rounding of the product may have moved it across a half, its exact error decides (T. J. Dekker, A floating-point
+    technique for extending the available precision, 1971).
     """
     scaled = size * scale
     whole = np.rint(scaled)
-    if abs(scaled - whole) < 0.5 - DOUBT * scaled:
+    if abs(scaled - whole) < 0.5 - SCALING_ERROR * scaled:
         return int(whole)
     a, b = SPLIT * size, SPLIT * scale
     a, b = a - (a - size), b - (b - scale)

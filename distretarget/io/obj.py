@@ -1,4 +1,4 @@
-"""Wavefront OBJ files: the points and triangles of props that performers touch."""
+"""Read Wavefront OBJ files: the vertices and triangles of props."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, farthest_points
 from distretarget.skeleton import ALL_CHANNELS, LARGEST, Skeleton
 
-CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, which others may follow, as in 3/1/2
-MOST_POINTS = 100  # vertices that are kept, spread evenly
+CORNER = re.compile(r"-?[0-9]{1,18}(?=/|$)")  # the number of a vertex, also in words such as 3/1/2
+MOST_POINTS = 100  # vertices of a prop that become joints, spread evenly
 
 
 def parse_obj(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
-    """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; faces of more
-    corners as fans. `path` is for errors: a BvhError if a vertex is not three numbers, if there is none, or if a face
-    names vertices that are not there.
+    """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; larger faces
+    become fans. A BvhError, which names `path`, if a vertex is not three numbers, there is no vertex, or a face refers
+    to a missing one.
     """
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -44,7 +44,7 @@ def parse_obj(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
 
 
 def _corner(word: str, before: int, path: str | Path, line: int) -> int:
-    """The number, from 0, of the vertex in a word such as 3, 3/1/2 or -1; the last of those `before` is -1."""
+    """The index, from 0, of the vertex that a word such as 3, 3/1/2 or -1 names; -1 is the last of those `before`."""
     number = int(found[0]) if (found := CORNER.match(word)) else 0
     if not 1 <= abs(number) <= before:
         raise BvhError(
@@ -53,12 +53,12 @@ def _corner(word: str, before: int, path: str | Path, line: int) -> int:
     return number - 1 if number > 0 else before + number
 
 
-def still_points(vertices: Array, name: str) -> Motion:
-    """Return vertices as a prop that stands still: one frame, whose joints, in the order of a BVH file, are at most
-    `MOST_POINTS` of them, each fixed to one near to it; the first, the root, has the name.
+def static_prop(vertices: Array, name: str) -> Motion:
+    """Return a prop that does not move as a motion of one frame. Its joints are at most `MOST_POINTS` of the vertices,
+    connected by a minimum spanning tree; the root has the name.
     """
-    different = np.unique(vertices, axis=0)
-    points = different[farthest_points(different, MOST_POINTS)]
+    distinct = np.unique(vertices, axis=0)
+    points = distinct[farthest_points(distinct, MOST_POINTS)]
     order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)
     parents = np.argsort(order)[before[order[1:]]]
     leaves = ~np.isin(np.arange(len(order)), parents)

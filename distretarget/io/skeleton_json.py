@@ -1,4 +1,4 @@
-"""Skeleton files: JSON with a whole skeleton (full form) or other bone lengths for the source's (short form)."""
+"""Skeleton files: JSON with a skeleton (full form), or with bone lengths to change the source's (short form)."""
 
 from __future__ import annotations
 
@@ -81,15 +81,14 @@ def _skeleton(joints: Sequence[Fields], units: str | None, up: str | None) -> Sk
 
 
 def _channels(joint: Mapping[str, Node], end: bool) -> tuple[str, ...]:
-    """The channels of a joint: those that the file states, else the usual ones."""
+    """The channels of a joint: those in the file, else the usual ones."""
     if "channels" in joint:
         return tuple(node.text() for node in joint["channels"].items())
-    usual = DEFAULT_ROTATIONS if joint["parent"].value is not None else DEFAULT_ROOT
-    return () if end else usual
+    return () if end else DEFAULT_ROTATIONS if joint["parent"].value is not None else DEFAULT_ROOT
 
 
 def _parents(nodes: Sequence[Node], names: Sequence[str]) -> list[int]:
-    """(joints,), the number of each joint's parent, -1 for the root."""
+    """The index of each joint's parent, (joints,), -1 for the root."""
     roots = [node for node in nodes if node.value is None]
     if not roots:
         nodes[0].expected("null, since the first joint is the root")
@@ -105,24 +104,23 @@ def _parents(nodes: Sequence[Node], names: Sequence[str]) -> list[int]:
 
 
 def _parent(node: Node, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]) -> int:
-    """The joint that a node names, which must be one of the `known` joints, by name."""
-    meant = joints_meant(node.text(), names, parents, known)
-    if not meant and node.text() in names:
+    """The joint that a node refers to, among the earlier ones, `known` by name."""
+    matches = matching_joints(node.text(), names, parents, known)
+    if not matches and node.text() in names:
         node.fail(f"expected the name of an earlier joint, found {node.text()!r}, which is not one")
-    if not meant:
+    if not matches:
         node.fail(f"no joint {node.text()!r}; {closest(node.text(), names)}")
-    if len(meant) > 1:
-        paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in meant)
+    if len(matches) > 1:
+        paths = quoted(f"{names[parents[joint]]}/{names[joint]}" for joint in matches)
         node.fail(f"{node.text()!r} may be {paths}; write the parents too, as in these")
-    return meant[0]
+    return matches[0]
 
 
-def joints_meant(
+def matching_joints(
     reference: str, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]
 ) -> list[int]:
-    """Return the joints among those `known`, by name, that a reference `name`, `parent/name` and so on may mean. A
-    whole path from the root means its joint alone: each of `Skeleton.keys` means its own, as long as no name contains
-    "/".
+    """Return the joints, among those `known` by name, that a reference `name`, `parent/name` and so on matches. A full
+    path from the root matches its joint only, so each of `Skeleton.keys` is unique unless names contain "/".
     """
     ends = (reference[start:] for start in (0, *(slash.end() for slash in re.finditer("/", reference))))
     joints = sorted(joint for name in ends for joint in known.get(name, ()))
@@ -132,7 +130,7 @@ def joints_meant(
 
 
 def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int]) -> int:
-    """The first joint of the path that a reference to a joint spells; -1 if it spells another path."""
+    """The joint at which a reference's path to a joint begins; -1 if the reference does not match the joint."""
     path = names[joint]
     while path != reference and parents[joint] >= 0 and reference.endswith(f"/{path}"):
         joint = parents[joint]
@@ -143,8 +141,8 @@ def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int
 def skeleton_to_json(
     skeleton: Skeleton, name: str, joint_map: JointMap | None = None, radii: Mapping[int, float] | None = None
 ) -> str:
-    """Return the text of a skeleton file (full form) with a line a joint, and the map if it has entries; `radii` are
-    those of joints. A SkeletonError if because of a "/" in names it is not clear which joint is a parent.
+    """Return the text of a skeleton file (full form), one line per joint, with the map if it has entries, and `radii`
+    by joint. A SkeletonError if a parent's key is ambiguous because names contain "/".
     """
     head = HEADER | {"name": name, "units": skeleton.units, "up": skeleton.up}
     parents = _references(skeleton)
@@ -154,13 +152,13 @@ def skeleton_to_json(
 
 
 def _references(skeleton: Skeleton) -> list[str | None]:
-    """The key of each joint's parent, by which a file names it; None for the root."""
+    """The key of each joint's parent, as the file refers to it; None for the root."""
     references: list[str | None] = []
     known: dict[str, list[int]] = {}
     parents = skeleton.parents.tolist()
     for joint, parent in enumerate(parents):
         key = skeleton.keys[parent] if joint else None
-        if key is not None and joints_meant(key, skeleton.names, parents, known) != [parent]:
+        if key is not None and matching_joints(key, skeleton.names, parents, known) != [parent]:
             raise SkeletonError(f"{key!r} may mean several joints because of the '/' in names; rename one")
         references.append(key)
         known.setdefault(skeleton.names[joint], []).append(joint)

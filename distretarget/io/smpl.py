@@ -1,11 +1,11 @@
-"""SMPL, SMPL-H and SMPL-X: the joints of their bodies, and parameters of their poses as AMASS has them.
+"""SMPL, SMPL-H and SMPL-X: the joints of their bodies, and pose parameters as in AMASS.
 
-    poses  (frames, 3 joints)  how each joint is turned against its parent, as rotation vectors [rad]
-    trans  (frames, 3)         where the model is [m]; its pelvis is at `trans` plus the pelvis of the rest pose
-    betas  (n,)                the shape of the body, for which a model's file is needed
+    poses  (frames, 3 joints)  rotation of each joint relative to its parent, as rotation vectors [rad]
+    trans  (frames, 3)         translation of the model [m]; the pelvis is at `trans` plus its position at rest
+    betas  (n,)                shape of the body; a model's file turns it into joints
 
-No joint is turned in the rest pose, a T-pose with Y up that faces Z. The world of AMASS has Z up. Loper et al., "SMPL",
-doi:10.1145/2816795.2818013; Mahmood et al., "AMASS", doi:10.1109/ICCV.2019.00554.
+All rotations are zero in the rest pose, a T-pose with Y up that faces Z. The world of AMASS has Z up. Loper et al.,
+"SMPL", doi:10.1145/2816795.2818013; Mahmood et al., "AMASS", doi:10.1109/ICCV.2019.00554.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, METRES, Skeleton
 
-# The joints whose turns are parameters, in their order.
+# The joints in the order of `poses`: first those of the body.
 BODY = (
     *("pelvis", "left_hip", "right_hip", "spine1", "left_knee", "right_knee", "spine2", "left_ankle", "right_ankle"),
     *("spine3", "left_foot", "right_foot", "neck", "left_collar", "right_collar", "head", "left_shoulder"),
@@ -36,98 +36,99 @@ BODY = (
 )
 FINGER_NAMES = {"index": "Index", "middle": "Middle", "pinky": "Little", "ring": "Ring", "thumb": "Thumb"}
 HANDS = tuple(f"{side}_{finger}{bone}" for side in SIDES for finger in FINGER_NAMES for bone in (1, 2, 3))
-STUBS = ("left_hand", "right_hand")  # of SMPL alone, in place of hands
+STUBS = ("left_hand", "right_hand")  # of SMPL, which has no fingers
 FACE_JOINTS = ("jaw", "left_eye_smplhf", "right_eye_smplhf")
 PELVIS = BODY[0]
-ABOVE = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)  # the parents of BODY[1:], by number
-PARENTS = {name: BODY[above] for name, above in zip(BODY[1:], ABOVE, strict=True)} | dict.fromkeys(FACE_JOINTS, "head")
+BODY_PARENTS = (0, 0, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 9, 9, 12, 13, 14, 16, 17, 18, 19)  # indices for BODY[1:]
+PARENTS = {BODY[k]: BODY[parent] for k, parent in enumerate(BODY_PARENTS, 1)} | dict.fromkeys(FACE_JOINTS, "head")
 PARENTS |= {name: f"{name.split('_')[0]}_wrist" for name in (*STUBS, *HANDS[::3])}
 PARENTS |= {name: before for name, before in zip(HANDS[1:], HANDS, strict=False) if not name.endswith("1")}
 ROLES = {"hip": "UpperLeg", "knee": "LowerLeg", "ankle": "Foot", "foot": "Toes", "collar": "Shoulder"}
 ROLES |= {"shoulder": "UpperArm", "elbow": "LowerArm", "wrist": "Hand"}
-# The joints of the body alone, of SMPL, SMPL-H and SMPL-X, by their number.
+# The joints of a bare body, of SMPL, SMPL-H and SMPL-X, by their count.
 MODELS = {len(names): names for names in (BODY, BODY + STUBS, BODY + HANDS, BODY + FACE_JOINTS + HANDS)}
 CONVENTION = "SMPL"
-SHAPE = ("v_template", "shapedirs", "J_regressor")  # the arrays of a model's file that give the joints of a shape
+MODEL_ARRAYS = ("v_template", "shapedirs", "J_regressor")  # of a model's file, from which joints are computed
 PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")  # of `poses`, in files without it
-SAME_RATE = 1e-4  # a frame rate this near to a whole number is one; frame times in files have few digits [relative]
-LEVEL = 0.9  # an arm in T-pose has a larger cosine than this with the sideways axis [cosine]
+SAME_RATE = 1e-4  # frame rates this near to a whole number are rounded: frame times have few digits [relative]
+LEVEL = 0.9  # least cosine between the arms and the sideways axis in a T-pose
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0  # bounds of a person's height [m]
-UPRIGHT = 0.7  # a body with a larger mean cosine than this between its up and Y moves in a world with Y up [cosine]
+UPRIGHT = 0.7  # least mean cosine between the pelvis's up and Y in a motion whose world has Y up
 TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AMASS
 
 
 def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
-    """Return the skeleton in a file of arrays: `names`, `parents` and `offsets`, as `Motion.to_dict` gives them, or
-    that of SMPL: `J`, (joints, 3) [m], or a model, whose joints depend on the shape `betas`, by default the mean one. A
-    FileError if it has none of these, or other joints than the models; a SkeletonError if they are no skeleton.
+    """Return the skeleton in a file of arrays: from `names`, `parents` and `offsets` as in `Motion.to_dict`; from `J`,
+    (joints, 3) [m], the joints of SMPL; or from a model of SMPL in the shape `betas`, by default the mean one. A
+    FileError if it has none of these, or another number of joints than the models; a SkeletonError if they are invalid.
     """
     if all(name in arrays for name in ("names", "parents", "offsets")):
         names = tuple(map(str, arrays.array("names").ravel()))
         ends = arrays.array("end_sites") if "end_sites" in arrays else np.zeros(len(names), bool)
         with in_file(arrays.path):
-            return _free(names, arrays.array("parents"), arrays.array("offsets"), ends)
+            return _skeleton(names, arrays.array("parents"), arrays.array("offsets"), ends)
     betas = np.zeros(0) if betas is None else betas
     if "J" in arrays:
         places = arrays.numbers("J", "joints", 3)
-    elif all(name in arrays for name in SHAPE):
+    elif all(name in arrays for name in MODEL_ARRAYS):
         vertices = arrays.numbers("v_template", "vertices", 3)
         shapes = arrays.numbers("shapedirs", len(vertices), 3, "shapes")[..., : len(betas)]
         places = arrays.numbers("J_regressor", "joints", len(vertices)) @ (vertices + shapes @ betas[: shapes.shape[2]])
     else:
-        raise FileError(arrays.path, f"has no joints; expected J, (joints, 3), or the {', '.join(SHAPE)} of a model")
+        expected = f"J, (joints, 3), or the {', '.join(MODEL_ARRAYS)} of a model"
+        raise FileError(arrays.path, f"has no joints; expected {expected}")
     if len(places) not in MODELS:
         known = ", ".join(map(str, MODELS))
         raise FileError(arrays.path, f"has {len(places)} joints; expected one of {known}, as SMPL, SMPL-H and SMPL-X")
     names = MODELS[len(places)]
     parents = np.array([names.index(PARENTS[name]) if name in PARENTS else -1 for name in names])
     offsets = places - np.where(parents[:, None] < 0, 0.0, places[parents])
-    return replace(_free(names, parents, offsets, np.zeros(len(names), bool)), units="m", up="Y")
+    return replace(_skeleton(names, parents, offsets, np.zeros(len(names), bool)), units="m", up="Y")
 
 
-def _free(names: tuple[str, ...], parents: NDArray[Any], offsets: NDArray[Any], ends: NDArray[Any]) -> Skeleton:
-    """The skeleton whose root moves freely and whose other joints turn freely."""
-    free = [() if end else DEFAULT_ROTATIONS if n else DEFAULT_ROOT for n, end in enumerate(ends.ravel().tolist())]
-    return Skeleton(names=names, parents=parents, offsets=offsets, channels=tuple(free), end_sites=ends)
+def _skeleton(names: tuple[str, ...], parents: NDArray[Any], offsets: NDArray[Any], ends: NDArray[Any]) -> Skeleton:
+    """The skeleton with the usual channels."""
+    usual = [() if end else DEFAULT_ROTATIONS if n else DEFAULT_ROOT for n, end in enumerate(ends.ravel().tolist())]
+    return Skeleton(names=names, parents=parents, offsets=offsets, channels=tuple(usual), end_sites=ends)
 
 
 @dataclass(frozen=True, eq=False)
 class SmplBody:
-    """A skeleton that parameters pose."""
+    """A skeleton that parameters of SMPL can pose."""
 
     skeleton: Skeleton
-    joints: Mapping[str, int]  # those that parameters turn, by SMPL's names
-    turns: Array  # (joints, 4), the world rotations that bring its rest pose into SMPL's
-    exact: bool  # whether its rest pose is SMPL's, and its joints have SMPL's names
+    joints: Mapping[str, int]  # by SMPL's names
+    turns: Array  # (joints, 4), the world rotations that turn its rest pose into SMPL's
+    exact: bool  # whether its rest pose and joint names are SMPL's
 
     @classmethod
     def of(cls, skeleton: Skeleton) -> SmplBody:
-        """Return the body of a skeleton, under any names and in any rest pose; a SkeletonError if it lacks joints."""
+        """Return the body of a skeleton with any names and rest pose; a SkeletonError if it lacks joints of SMPL."""
         body = Body.of(skeleton)
         if body.anatomy is None or body.at_rest is None:
             raise SkeletonError("is not recognised as human, so parameters of SMPL cannot pose it")
         joints = _joints_of(skeleton, body.anatomy)
         if lacking := [name for name in BODY if name not in joints]:
             raise SkeletonError(f"lacks joints of SMPL: {quoted(lacking)}")
-        left = [body.at_rest.bone(f"{side}UpperArm", f"{side}Hand") for side in SIDES]
-        level = all(arm is not None and sign * arm[0] > LEVEL for arm, sign in zip(left, (1.0, -1.0), strict=True))
+        arms = [body.at_rest.bone(f"{side}UpperArm", f"{side}Hand") for side in SIDES]
+        level = all(arm is not None and sign * arm[0] > LEVEL for arm, sign in zip(arms, (1.0, -1.0), strict=True))
         exact = body.anatomy.convention == CONVENTION and level
         return cls(skeleton, joints, skeleton.rest_rotations if exact else t_pose(skeleton, body.at_rest, None), exact)
 
     @property
     def metre(self) -> float:
-        """A metre [file units]; where the file states no unit, that in which the body is as tall as a person."""
+        """A metre in file units; if the file states none, the unit in which the body has a person's height."""
         height = float(np.ptp(self.skeleton.rest_positions, axis=0).max())
         likely = (unit for unit in ("m", "cm", "mm") if SMALLEST_BODY < METRES[unit] * height < LARGEST_BODY)
         return 1.0 / METRES[self.skeleton.units or next(likely, "m")]
 
     @property
     def pelvis(self) -> Array:
-        """(3,), where the pelvis is in SMPL's rest pose, from the root on [file units]."""
+        """The pelvis in SMPL's rest pose, relative to the root, (3,) [file units]."""
         return np.asarray(self.skeleton.posed(self.turns)[self.joints[PELVIS]])
 
     def motion(self, poses: Array, trans: Array, frame_time_text: str) -> Motion:
-        """Return the motion of parameters, turned so that Y is up; those of joints that the body lacks are left out."""
+        """Return the motion of parameters, with Y up; parameters of joints that the body lacks are ignored."""
         names, skeleton = MODELS[poses.shape[1] // 3], self.skeleton
         turns = dict(zip(names, poses.reshape(len(poses), -1, 3).swapaxes(0, 1), strict=True))
         cosines = Rotation.from_rotvec(turns[PELVIS]).apply([0.0, 1.0, 0.0])[:, 1] if len(poses) else np.zeros(1)
@@ -146,7 +147,7 @@ class SmplBody:
         return Motion(skeleton, path, rotations, frame_time_text)
 
     def parameters(self, motion: Motion) -> dict[str, Array | float]:
-        """Return `poses`, `trans` and `mocap_frame_rate` of a motion in which Y is up, for a world with Z up."""
+        """Return `poses`, `trans` and `mocap_frame_rate`, for a world with Z up, of a motion with Y up."""
         has = self.joints.keys()
         names = MODELS[len(BODY) + (2 if has.isdisjoint(HANDS) else 30 if has.isdisjoint(FACE_JOINTS) else 33)]
         world, rest = motion.world_rotations, Rotation.from_quat(self.turns)
@@ -166,7 +167,7 @@ class SmplBody:
 
 
 def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
-    """The joints that parameters turn, by SMPL's names."""
+    """The joints of a skeleton by SMPL's names."""
     roles, spine = anatomy.roles, anatomy.spine
     wanted = {f"{side}_{part}": f"{side}{role}" for part, role in ROLES.items() for side in SIDES}
     wanted |= {"pelvis": "hips", "neck": "neck", "head": "head"}
@@ -179,9 +180,9 @@ def _joints_of(skeleton: Skeleton, anatomy: Anatomy) -> dict[str, int]:
 
 
 def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) -> Motion:
-    """Return the motion of the parameters in a file; a FileError if they are none, or a SkeletonError."""
-    whole = ["poses"] if "poses" in arrays else [name for name in PARTS if name in arrays]
-    poses = np.concatenate([arrays.numbers(name, "frames", "3 joints") for name in whole], axis=1)
+    """Return the motion of the parameters in a file; a FileError if they are invalid, or an error of `SmplBody.of`."""
+    names = ["poses"] if "poses" in arrays else [name for name in PARTS if name in arrays]
+    poses = np.concatenate([arrays.numbers(name, "frames", "3 joints") for name in names], axis=1)
     if poses.shape[1] not in [3 * number for number in MODELS]:
         known = ", ".join(str(3 * number) for number in MODELS)
         raise FileError(arrays.path, f"has {poses.shape[1]} numbers in each frame of poses; expected one of {known}")
@@ -189,7 +190,7 @@ def smpl_motion(arrays: ArraysFile, skeleton: Skeleton, frame_time_text: str) ->
 
 
 def smpl_parameters(motion: Motion) -> dict[str, Array | float]:
-    """Return the parameters of a motion on a body of SMPL (`SmplBody.parameters`); none on any other body."""
+    """Return the parameters of a motion on a body of SMPL (`SmplBody.parameters`); empty for any other body."""
     if convention_of(motion.skeleton) != CONVENTION:
         return {}
     try:

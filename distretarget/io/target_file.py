@@ -1,4 +1,4 @@
-"""Targets in files: BVH, characters (glTF, VRM, FBX) with their meshes, skeleton files; and how thick bodies are."""
+"""Read targets from files: BVH, characters (glTF, VRM, FBX) with their meshes, skeleton files; and builds of bodies."""
 
 from __future__ import annotations
 
@@ -37,14 +37,14 @@ VERTICES = b"Vertices"  # in FBX files with a mesh, binary or text
 def read_character_scene(
     file: InputFile, clip: str | None = None, fps: float | None = None, animated: bool = True
 ) -> CharacterScene:
-    """Return the nodes, skins and an animation of a glTF or FBX file; without it if not `animated`."""
+    """Return the nodes and skins of a glTF or FBX file, and an animation if `animated`."""
     if file.kind == "FBX":
         return parse_fbx(file.content, file.path, clip, fps, animated)
     return gltf_scene(file.gltf, clip, fps, animated)
 
 
 def animations_in(file: InputFile) -> tuple[str, ...]:
-    """Return the names of the animations in a file, which may be empty or the same; none in other files than these."""
+    """Return the names of the animations in a glTF or FBX file, which may be empty or equal; () for other files."""
     if file.kind == "glTF":
         return animation_names(file.gltf)
     return read_character_scene(file, animated=False).animations if file.kind == "FBX" else ()
@@ -52,9 +52,7 @@ def animations_in(file: InputFile) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class CharacterMesh:
-    """The mesh of a character, read from its file when it is first asked for; called, it returns it, or None where
-    there is none or none can be read.
-    """
+    """The mesh of a character, which a call reads, once, and returns; None if there is none or it cannot be read."""
 
     file: InputFile
     character: Character
@@ -63,18 +61,18 @@ class CharacterMesh:
         return self._read[0]
 
     def __getstate__(self) -> dict[str, object]:
-        """What goes to a worker: the mesh, not the file."""
+        """Pickle the mesh, for a worker, without the file."""
         return {"_read": self._read}
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Lines that say why the mesh could not be read, and what of it is not written, if that was tried."""
+        """Why the mesh could not be read, and what of it could not be converted to glTF, as far as that was tried."""
         unread = self._read[1] if "_read" in vars(self) else ()
         return *unread, *(self.as_gltf[1] if "as_gltf" in vars(self) else ())
 
     @cached_property
     def as_gltf(self) -> tuple[Gltf, tuple[str, ...]]:
-        """The character of an FBX file as glTF, and what is left out, a line each; errors as in `gltf_character`."""
+        """The character of an FBX file as glTF, and what is left out; see `gltf_character`."""
         return gltf_character(self.file, self.character)
 
     @cached_property
@@ -96,19 +94,19 @@ class CharacterMesh:
 class CharacterTarget(Target):
     """A target whose joints are nodes of a character file."""
 
-    character: Character  # which nodes they are
+    character: Character
     mesh: CharacterMesh
-    face: Face | None = None  # its expressions; None for FBX
+    face: Face | None = None  # expressions; None for FBX
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What of the file is not kept or not read, a line each."""
+        """What of the file is left out, a line each."""
         return *self.character.warnings, *self.mesh.warnings
 
 
 @dataclass(frozen=True, eq=False)
 class TargetFile:
-    """The target in a file, the file's path for errors, and the file itself; workers do without it."""
+    """The target in a file, the file's path for errors, and the file itself, or None in workers."""
 
     target: LoadedTarget
     path: str | Path
@@ -122,13 +120,14 @@ class TargetFile:
 
 def load_target(path: Source) -> LoadedTarget:
     """Return the target in a skeleton file (full or short form), a BVH file, or the file of a character: glTF 2.0
-    (.glb, .gltf), VRM 0 or 1, FBX; or in its bytes, or a file object opened as binary. The content decides which it is.
+    (.glb, .gltf), VRM 0 or 1, FBX; `path` may also be its bytes or a file object opened as binary. The format is
+    recognised by the content.
 
-    `retarget` takes the result as it is; its method `for_source` gives the whole skeleton for a source.
+    `retarget` takes the result; its method `for_source` returns the skeleton for a given source.
 
     Raises:
         FileError: the file cannot be read, or has no character.
-        SkeletonFileError, BvhError: it breaks its format, or is no BVH file; or no bone of the body has a length.
+        SkeletonFileError, BvhError: the file is not valid, or all its bones have length 0.
     """
     return parse_target(load_file(path))
 
@@ -155,7 +154,7 @@ def parse_target(file: InputFile) -> LoadedTarget:
 
 
 def parse_full_target(file: InputFile) -> Target:
-    """Return the target in a file of a whole skeleton, or a SkeletonFileError; other errors as in `parse_target`."""
+    """Return the target in a file as `parse_target` does; a SkeletonFileError for the short form of skeleton files."""
     target = parse_target(file)
     if isinstance(target, SkeletonEdit):
         raise SkeletonFileError(file.path, "", 'has no "joints"; this short form needs a source to change')
@@ -163,12 +162,12 @@ def parse_full_target(file: InputFile) -> Target:
 
 
 def load_build(path: str | Path) -> Build:
-    """Return the build of the body in a file: a character whose mesh shows it (GLB, glTF, VRM, FBX), or a skeleton file
-    with radii; or an average build by its name: "adult", "child", "baby", "old", "thin", "fat" or "muscular". Any body
-    that is recognised can have it.
+    """Return the build of a body, its thickness, to be put on any recognised body: from a character's mesh (GLB, glTF,
+    VRM, FBX), from a skeleton file with radii, or an average one by name: "adult", "child", "baby", "old", "thin",
+    "fat" or "muscular".
 
     Raises:
-        FileError: the file cannot be read, shows no thickness, or no human body is recognised in it; or no average
+        FileError: the file cannot be read, has no mesh or radii, or no human body is recognised in it; or no average
             build has this name.
         SkeletonFileError, BvhError: it is not valid.
         SettingsError: `path` is neither a path nor a name.
@@ -187,7 +186,7 @@ def parse_build(file: InputFile) -> Build:
 
 
 def build_of(target: Target, path: str | Path) -> Build:
-    """Return the build of a target's body; a FileError that names a path if it shows none."""
+    """Return the build of a target's body; a FileError, which names `path`, if it has neither a mesh nor radii."""
     body, mesh = Body.of(target.skeleton, target.motion), target.mesh()
     if body.anatomy is None:
         raise FileError(path, "shows no human body, so that another body cannot be as thick as it")
@@ -197,7 +196,7 @@ def build_of(target: Target, path: str | Path) -> Build:
 
 
 def with_source(builds: Builds, file: InputFile) -> Builds:
-    """Return the builds with that of the source, whose motion is in this file, where its mesh shows it."""
+    """Return the builds with the source's from the mesh in its file, if it has one and none was given."""
     if builds.source is not None or not file.format.has_characters:
         return builds
     with suppress(DistretargetError):

@@ -17,7 +17,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_file import parse_motion
-from distretarget.io.obj import parse_obj, still_points
+from distretarget.io.obj import parse_obj, static_prop
 from distretarget.io.target_file import load_build, load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
@@ -176,7 +176,7 @@ def _read(clip: SceneClip) -> tuple[Motion, PropSurface | None]:
     file, surface, is_prop = load_file(clip.file), None, isinstance(clip, PropFiles)
     if is_prop and file.kind == "BVH" and not file.text.lstrip().upper().startswith("HIERARCHY"):
         vertices, triangles = parse_obj(file.text, clip.file)
-        motion = still_points(vertices, clip.file.stem)
+        motion = static_prop(vertices, clip.file.stem)
         surface = PropSurface.of_mesh(vertices - motion.positions[0, 0], triangles)
     else:
         motion, _ = parse_motion(file)

@@ -1,1 +1,1 @@
-"""The studio: a local page on which a clip and a character are dropped, seen, changed and taken away."""
+"""The studio: a local page to drop a clip and a character, see and change the result, and download it."""

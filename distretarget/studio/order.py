@@ -1,4 +1,4 @@
-"""How a clip is to be on a character: as the page sends it, as a project file keeps it, and as a command line."""
+"""An order, all settings for one clip on one character: from the page or a project file, and as a command line."""
 
 from __future__ import annotations
 
@@ -24,33 +24,32 @@ from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 
 HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
 FILES = ("clip", "character")
-LONGEST = 100  # of the part of a name that results take from a file's [bytes]
-# the fields of an order but its files
-HOW = ("animation", "fps", "edits", "options", "in_place", "contacts", "map", "rest")
+LONGEST = 100  # of the part of an input's name that goes into a result's [bytes]
+SETTINGS = ("animation", "fps", "edits", "options", "in_place", "contacts", "map", "rest")  # fields of an order
 
 
 @dataclass(frozen=True)
 class Order:
-    """How a clip is to be on a character."""
+    """A clip to retarget to a character, and all settings."""
 
-    clip: str  # the number of its file
+    clip: str  # the id of its file, in a project file the name
     character: str  # the same
-    animation: str | None  # which of several; None for the only one
+    animation: str | None  # one of several in the clip's file; None for the only one
     fps: float | None  # at which the clip is sampled [frames/s]; None for its own
     edits: Edits
     options: Options
     in_place: bool
     contacts: ContactList
-    map_file: MapFile  # the joints that drive those of the character, and how the body of the clip stands
-    format: str | None  # the ending of what is to be taken away; None for the character's usual one
-    key: str  # what it was made from
+    map_file: MapFile
+    format: str | None  # suffix of the output; None for the character's default
+    key: str  # the JSON it was made from
 
     @classmethod
     def of(cls, given: Mapping[str, Any], path: Path | None = None) -> Order:
         """Return the order that the page sent, or that is in the file `path`; a SettingsError, FileError or
-        SkeletonFileError where it has no sense.
+        SkeletonFileError if it is invalid.
         """
-        known = {*FILES, *HOW, "format"}
+        known = {*FILES, *SETTINGS, "format"}
         if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*FILES}:
             raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
         entries = given.get("contacts") or []
@@ -79,61 +78,61 @@ class Order:
 
     @property
     def preparation(self) -> str:
-        """What decides it but for contacts and format: orders with the same differ in the last steps alone."""
+        """The order without contacts and format, as JSON; orders for which it is equal share a `Conversion`."""
         return json.dumps({**json.loads(self.key), "contacts": None, "format": None}, sort_keys=True)
 
     @property
     def recipe(self) -> Recipe:
-        """The same for a conversion."""
+        """The recipe for a conversion."""
         writing = OutputSettings(in_place=self.in_place)
         return Recipe(self.options, self.map_file, self.animation, self.fps, writing=writing, edits=self.edits)
 
     @property
     def has_map(self) -> bool:
-        """Whether its command needs a map file."""
+        """Whether its command line needs a map file."""
         return bool(self.map_file.pairs) or self.map_file.rest is not None
 
     @property
     def map_json(self) -> str:
-        """The text of that file."""
+        """The text of the map file."""
         return f"{on_lines(json.loads(_map_text(json.loads(self.key))), 2)}\n"
 
     @property
     def settings(self) -> dict[str, Any]:
-        """What is not as usual, by the names of the command line's options."""
+        """The settings that are not defaults, by the names of the command line's options."""
         changed = {"clip": self.animation, "fps": self.fps, "in_place": self.in_place or None}
-        for given, usual in ((self.edits, NO_EDITS), (self.options, DEFAULT_OPTIONS)):
-            changed |= {name: value for name, value in asdict(given).items() if value != getattr(usual, name)}
+        for given, default in ((self.edits, NO_EDITS), (self.options, DEFAULT_OPTIONS)):
+            changed |= {name: value for name, value in asdict(given).items() if value != getattr(default, name)}
         if self.options.objective == "paper":
-            changed.pop("supports", None)  # it holds nothing in its place
+            changed.pop("supports", None)  # this objective has no supports
         return {name: value for name, value in changed.items() if value is not None}
 
 
 @dataclass(frozen=True)
 class Names:
-    """What the files of an order are called, in one folder."""
+    """The names of an order's files, which are in one folder."""
 
     clip: str
     character: str
-    output: str  # the ending of the result
-    animation: str = ""  # which of several in the clip
-    taken: frozenset[str] = frozenset()  # of other files, in small letters
+    output: str  # the suffix of the result, without a point
+    animation: str = ""  # one of several in the clip's file
+    taken: frozenset[str] = frozenset()  # names of other files, in lower case
     merged: bool = False  # whether the results of all clips are in one file
 
     @property
     def result(self) -> str:
-        """The result."""
+        """The name of the result."""
         return self.of_kind(self.output)
 
     @property
     def all(self) -> set[str]:
-        """What its own files take, in small letters."""
+        """The names of the files that are made for this order alone, in lower case."""
         kinds = ("contacts.json", "map.json", "project.json", *[self.output] * (not self.merged))
         return {self.of_kind(kind).casefold() for kind in kinds}
 
     def of_kind(self, kind: str) -> str:
-        """Return the name of a file with this ending, such as "contacts.json", which no other file has; those of
-        contacts and of a map, which other characters may share, are named after the clip alone.
+        """Return a free name for a file with this suffix, such as "contacts.json". Contacts and maps, which other
+        characters may share, are named after the clip alone.
         """
         animation, character = safe_file_name(self.animation), _cut(PurePath(self.character).stem)
         clip = _cut("_".join(filter(None, (PurePath(self.clip).stem, animation))))
@@ -145,7 +144,7 @@ class Names:
         return next(name for name in names if name.casefold() not in taken)
 
     def command(self, order: Order, add: bool = False) -> str:
-        """Return the command line that makes the result, in a folder with the files; with `add`, that adds to it."""
+        """Return the command line that makes the result, or with `add` adds to it, in a folder with the files."""
         words = ["distretarget", _as_argument(self.clip), _as_argument(self.character)]
         words += ["-o", _as_argument(self.result), *["--add"] * add]
         for name, value in order.settings.items():
@@ -157,18 +156,18 @@ class Names:
 
 
 def _map_text(given: Mapping[str, Any]) -> str:
-    """The text of a map file, of what the page sent."""
+    """The text of the map file for an order as the page sends it."""
     pairs = given.get("map") or {}
     return json.dumps(MAP_HEADER | {"map": pairs, "rest": given["rest"]} if given.get("rest") else pairs)
 
 
 def _cut(name: str) -> str:
-    """The name so short that two of them fit into the name of a file."""
+    """The name, cut so that two of them fit into the name of a file."""
     return name.encode()[:LONGEST].decode(errors="ignore")
 
 
 def _as_argument(name: str) -> str:
-    """The name of a file so that it is taken neither for an option nor for a command."""
+    """The name of a file, written so that it is taken neither for an option nor for a command."""
     return name if "." in name.strip(".") and not name.startswith("-") else f"./{name}"
 
 
@@ -182,7 +181,7 @@ class Project:
 
     @property
     def defaults(self) -> dict[str, Any]:
-        """What the command line is not told, by the names of its parameters."""
+        """The defaults that the project gives the command line, by the names of its parameters."""
         files = {"source": self.folder / self.names.clip, "target": self.folder / self.names.character}
         return {name: str(value) for name, value in files.items()} | {"output": self.names.result} | self.order.settings
 
@@ -194,26 +193,26 @@ class Project:
 
 def project_to_json(order: Order, names: Names, hashes: tuple[str, str]) -> str:
     """Return the text of a project file; `hashes` are those of the clip and of the character."""
-    called = (names.clip, names.character)
-    files = {role: {"name": name, "hash": each} for role, name, each in zip(FILES, called, hashes, strict=True)}
+    inputs = zip(FILES, (names.clip, names.character), hashes, strict=True)
+    files = {role: {"name": name, "hash": each} for role, name, each in inputs}
     given = json.loads(order.key)
     contacts = json.loads(contacts_to_json(order.contacts))["contacts"]
-    how = {name: given[name] for name in HOW if given.get(name)} | {"contacts": contacts}
-    return f"{on_lines({**HEADER, 'files': files, 'output': names.output, **how}, 2)}\n"
+    settings = {name: given[name] for name in SETTINGS if given.get(name)} | {"contacts": contacts}
+    return f"{on_lines({**HEADER, 'files': files, 'output': names.output, **settings}, 2)}\n"
 
 
 def load_project(path: Path) -> Project:
     """Return the project in a file, whose clip and character are in the same folder.
 
     Raises:
-        FileError: it cannot be read, or one of its files is missing or not the one that it was made with.
+        FileError: it cannot be read, or its clip or character is missing or has changed.
         SkeletonFileError: it is no project file.
-        SettingsError: one of its settings has no sense.
-        ContactsError: one of its contacts has none.
+        SettingsError: a setting is invalid.
+        ContactsError: a contact is invalid.
     """
     text = read_text(path)
     root = parse_json(path, text)
-    found = root.fields((*HEADER, "files", "output"), HOW)
+    found = root.fields((*HEADER, "files", "output"), SETTINGS)
     root.check_header(**HEADER)
     files = found["files"].fields(FILES)
     names = {}
@@ -222,12 +221,12 @@ def load_project(path: Path) -> Project:
         name = names[role] = about["name"].text()
         if PurePath(name).name != name or "\\" in name:
             about["name"].expected("the name of a file beside the project")
-        here = hash_of_file(path.parent / name)
-        if here is None:
+        found_hash = hash_of_file(path.parent / name)
+        if found_hash is None:
             raise FileError(path.parent / name, f"there is no such file; the {role} of {path} belongs beside it")
-        if here != about["hash"].text():
+        if found_hash != about["hash"].text():
             raise FileError(path.parent / name, f"is not the {role} that {path} was made with: its content differs")
-    how = {name: value for name, value in json.loads(text).items() if name in HOW}
-    order = Order.of({**names, **how}, path)
-    called = Names(names["clip"], names["character"], found["output"].text(), order.animation or "")
-    return Project(order, called, path.parent)
+    settings = {name: value for name, value in json.loads(text).items() if name in SETTINGS}
+    order = Order.of({**names, **settings}, path)
+    file_names = Names(names["clip"], names["character"], found["output"].text(), order.animation or "")
+    return Project(order, file_names, path.parent)

@@ -1,31 +1,31 @@
-// The page of the studio: an order as a plain object, a history of orders, and what the server made of the last one.
+// The page of the studio: the order as a plain object, a history of orders, and the result of the last one.
 
 import { replaced, rowsOf } from "./contacts.js";
 
 const $ = (id) => document.getElementById(id);
 const EDITS = { start: "", end: "", speed: 1, turn: 0, mirror: false, loop: false };
 const OPTIONS = { supports: "hold", skin: "auto", objective: "contact", root_follows: "" };
-const TAB = crypto.randomUUID(); // a later order of the same tab takes the place of one that is not done
-const AROUND = 0.25; // how long a contact that is clicked holds before and after [s]
-const PLACED = /^(.*?)(?: at (-?[\d.]+), (-?[\d.]+))?$/; // a part, and where on its skin: along its axis, and round it
+const TAB = crypto.randomUUID(); // a later order of the same tab replaces one that is not done
+const AROUND = 0.25; // duration of a clicked contact before and after the shown frame [s]
+const PART = /^(.*?)(?: at (-?[\d.]+), (-?[\d.]+))?$/; // a part, and an anchor on its skin: along its axis, round it
 const START = { clip: null, character: null, animation: null, fps: null, in_place: false, contacts: [], map: {}, rest: null, format: null, edits: {}, options: {} };
 
-const known = new Map(); // what each file is, by its number
-const left = new Map(); // the last order of each clip, by its key
+const known = new Map(); // the descriptions of files by id
+const lastOrders = new Map(); // the last order of each clip, by the clip's key
 let order = structuredClone(START);
 let past = [];
 let future = [];
-const waiting = []; // what the player is to show in motion, until it is there; what follows builds on it
-let has = []; // the hashes of the bodies in motion that it has
-let done = null; // what else is known of it
-let asked = 0;
+const waiting = []; // motions for the player until it is ready; each builds on the ones before
+let playerHas = []; // the hashes of the motions and bodies that the player has
+let done = null; // the data of the finished order, except its motions
+let requests = 0; // number of orders sent
 let saved = true;
-let ready = false; // the player is there
-let frame = 0; // of the player
+let ready = false; // whether the player is loaded
+let frame = 0; // shown by the player
 let chosen = null; // the contact whose values are in the fields
-let clicked = ""; // the first of two parts
-let named = []; // the pairs of joints that are shown
-let driver = null; // the joint of the source that was clicked, to drive another
+let firstPart = ""; // of a contact between two, once clicked
+let shownPairs = []; // of joints, marked in the player and in the list
+let driver = null; // the clicked joint of the source, until a joint of the character is clicked
 
 // ---- the server
 
@@ -33,27 +33,28 @@ async function ask(path, body, headers = {}) {
   const response = await fetch(path, { method: body === undefined ? "GET" : "POST", body, headers: { "X-Tab": TAB, ...headers } });
   if (response.ok) return response;
   const fault = await response.json().catch(() => ({}));
-  if (response.status === 409) throw new DOMException("overtaken", "AbortError");
+  if (response.status === 409) throw new DOMException("superseded", "AbortError");
   throw new Error(fault.error ?? `the studio does not answer (${response.status})`);
 }
 
 const drop = (file, role) => add(file.name, role, () => ask("files", file, { "X-Name": encodeURIComponent(file.name) }));
 const sample = (name) => add(name, name.endsWith(".bvh") ? "clip" : "character", () => ask(`samples/${name}`, ""));
 
-/** Adds a file that `send` gives to the server; what is wrong with it is said beside its place. */
+/** Adds a file that `send` uploads; an error is shown in the field of the file. */
 async function add(name, role, send) {
   const place = $(`${role ?? "clip"}-what`);
   place.classList.remove("wrong");
   place.textContent = `reading ${name} ...`;
   try {
-    take(await (await send()).json(), role);
+    accept(await (await send()).json(), role);
   } catch (error) {
     place.classList.add("wrong");
     place.textContent = `${error.message.startsWith(name) ? "" : `${name}: `}${error.message}`;
   }
 }
 
-function take(about, role) {
+/** Uses a file as clip or character of the order. */
+function accept(about, role) {
   known.set(about.id, about);
   const skinned = about.character && !/\.bvh$/i.test(about.name);
   role ??= about.clip && !(skinned && (order.clip || !about.animations.length)) ? "clip" : "character";
@@ -69,23 +70,23 @@ function take(about, role) {
 }
 
 async function solve() {
-  const turn = ++asked;
+  const request = ++requests;
   if (!order.clip || !order.character) return;
   state("solving");
   try {
     const given = JSON.stringify(order);
-    const motions = await (await ask("solve", given, { "X-Has": has.join() })).json();
-    if (turn !== asked) return;
+    const motions = await (await ask("solve", given, { "X-Has": playerHas.join() })).json();
+    if (request !== requests) return;
     showMotions(motions);
-    const found = await (await ask("judge", given, { "X-Tab": `${TAB}-judge` })).json(); // a change does not overtake it
-    if (turn !== asked) return;
+    const found = await (await ask("judge", given, { "X-Tab": `${TAB}-judge` })).json(); // later orders do not stop it
+    if (request !== requests) return;
     done = found;
     trouble("");
     state("done");
     showDone();
   } catch (error) {
-    if (turn !== asked) return;
-    if (error.name === "AbortError") return solve(); // an order of before came in later
+    if (request !== requests) return;
+    if (error.name === "AbortError") return solve(); // an earlier order reached the server later
     state("idle");
     trouble(error.message);
   }
@@ -95,7 +96,7 @@ async function download(kind, orders = order) {
   const before = $("state").textContent;
   state("writing");
   try {
-    await save(await ask(`take/${kind}`, JSON.stringify(orders), { "X-Tab": `${TAB}-take` })); // a change does not overtake it
+    await save(await ask(`take/${kind}`, JSON.stringify(orders), { "X-Tab": `${TAB}-take` })); // later orders do not stop it
     trouble("");
   } catch (error) {
     trouble(error.message);
@@ -103,23 +104,23 @@ async function download(kind, orders = order) {
   if ($("state").textContent === "writing") state(before);
 }
 
-/** The orders to take away: the one that is shown, or all clips on the character, each as it was left. */
+/** The orders to download: the one that is shown, or the last one of every clip, all with this character. */
 const chosenOrders = () => ($("which").value === "this" ? order : clips().map((clip) => ({ ...order, ...ofClip(clip) })));
 
-/** Shows the command line that makes what is to be taken away. */
+/** Shows the command line that makes the download. */
 async function showCommand() {
-  const turn = asked;
+  const request = requests;
   const which = $("which").value;
   const text = which === "this" ? done.command : await (await ask(`command/${which}`, JSON.stringify(chosenOrders()))).text();
-  if (turn === asked && which === $("which").value) $("command").textContent = text;
+  if (request === requests && which === $("which").value) $("command").textContent = text;
 }
 
 async function save(response) {
-  keep(await response.blob(), JSON.parse(`"${response.headers.get("X-Name")}"`));
+  saveAs(await response.blob(), JSON.parse(`"${response.headers.get("X-Name")}"`));
   saved = true;
 }
 
-function keep(blob, name) {
+function saveAs(blob, name) {
   const link = document.createElement("a");
   link.href = URL.createObjectURL(blob);
   link.download = name;
@@ -132,7 +133,7 @@ function keep(blob, name) {
 function set(change) {
   const next = { ...order, ...change };
   if (JSON.stringify(next) === JSON.stringify(order)) return;
-  if (order.clip) left.set(keyOf(order), order);
+  if (order.clip) lastOrders.set(keyOf(order), order);
   past.push(order);
   future = [];
   order = next;
@@ -141,15 +142,15 @@ function set(change) {
   solve();
 }
 
-/** The clips that can be shown: each animation of each file. */
+/** The clips: each animation of each file. */
 const clips = () => [...known.values()].filter((about) => about.isClip).flatMap(clipsIn);
 const clipsIn = ({ id, animations }) => (animations.length > 1 ? animations : [null]).map((animation) => ({ clip: id, animation }));
 const nameOf = ({ clip, animation }) => (animation === null ? known.get(clip).name : `${known.get(clip).name}: ${animation}`);
 const keyOf = ({ clip, animation }) => `${clip} ${animation}`;
 
-/** What an order says of a clip alone: as it was left, if it was shown before. */
+/** The fields of an order that depend on the clip, from the clip's last order if there was one. */
 function ofClip(clip) {
-  const { contacts, edits } = keyOf(clip) === keyOf(order) ? order : left.get(keyOf(clip)) ?? { contacts: [], edits: {} };
+  const { contacts, edits } = keyOf(clip) === keyOf(order) ? order : lastOrders.get(keyOf(clip)) ?? { contacts: [], edits: {} };
   return { ...clip, contacts, edits };
 }
 
@@ -175,7 +176,7 @@ function option(name, value) {
   set({ options });
 }
 
-// ---- what is shown
+// ---- showing
 
 function state(text) {
   $("state").textContent = text;
@@ -197,34 +198,34 @@ function show() {
   const all = clips();
   $("clips-row").hidden = $("which").hidden = all.length < 2;
   $("clips").replaceChildren(...all.map((clip, number) => new Option(nameOf(clip), number, false, keyOf(clip) === keyOf(order))));
-  for (const [name, usual] of Object.entries(EDITS)) {
+  for (const [name, initial] of Object.entries(EDITS)) {
     const field = $(name);
-    const value = order.edits[name] ?? usual;
+    const value = order.edits[name] ?? initial;
     if (field.type === "checkbox") field.checked = value;
     else field.value = value;
   }
-  for (const [name, usual] of Object.entries(OPTIONS)) $(name).value = order.options[name] ?? usual;
+  for (const [name, initial] of Object.entries(OPTIONS)) $(name).value = order.options[name] ?? initial;
   $("in_place").checked = order.in_place;
   $("fps").value = order.fps ?? "";
   $("no-rest").hidden = !order.rest;
   for (const [name, orders] of [["undo", past], ["redo", future]]) {
-    if (!orders.length) $(name).blur(); // a button that is disabled would keep the keys to itself
+    if (!orders.length) $(name).blur(); // a disabled button with the focus would swallow keys
     $(name).disabled = !orders.length;
   }
   $("save").disabled = !order.clip || !order.character;
 }
 
 function showMotions(motions) {
-  has = [...motions.actors, ...motions.bodies].map((one) => one.hash ?? one);
+  playerHas = [...motions.actors, ...motions.bodies].map((one) => one.hash ?? one);
   $("empty").hidden = true;
   for (const name of ["verdict", "taking", "touching"]) $(name).hidden = false;
   $("player").inert = false;
-  if (ready) tell({ motions });
+  if (ready) tellPlayer({ motions });
   else waiting.push({ motions });
 }
 
 function showDone() {
-  if (ready) tell({ timeline: done.timeline });
+  if (ready) tellPlayer({ timeline: done.timeline });
   $("verdict").replaceChildren(...done.verdict.map(remark));
   $("warnings").replaceChildren(...done.warnings.map((each) => row("li", remark(each))));
   $("format").replaceChildren(...done.formats.map((kind) => new Option(kind, kind, false, kind === done.format)));
@@ -236,7 +237,7 @@ function showDone() {
   chosen = null;
   $("change").disabled = true;
   showDrivers();
-  showPairs(named);
+  showPairs(shownPairs);
 }
 
 function element(tag, text, more = {}) {
@@ -249,13 +250,13 @@ function row(tag, ...children) {
   return made;
 }
 
-/** Puts what a contact says into the fields, to be changed. */
+/** Fills the fields with the values of a contact, to be changed. */
 function choose(contact) {
   chosen = contact;
   const { entry } = contact;
   const kind = ["between", "plant", "look"].find((each) => each in entry);
   if (!kind) return;
-  [$("one").value, $("other").value = ""] = [entry[kind]].flat().map((part, k) => placed(part, entry.anchors?.[k]));
+  [$("one").value, $("other").value = ""] = [entry[kind]].flat().map((part, k) => withAnchor(part, entry.anchors?.[k]));
   $("kind").value = kind;
   $("frames").value = entry.frames.join("-");
   $("gap").value = entry.gap ?? (parseFloat(entry.found) || 0);
@@ -270,11 +271,11 @@ function showKind() {
   for (const field of document.querySelectorAll(".of-between")) field.hidden = $("kind").value !== "between";
 }
 
-/** The entry of a contact file that the fields say. */
-function written() {
+/** The entry of a contact file from the fields. */
+function entryOfFields() {
   const frames = $("frames").value.match(/\d+/g)?.map(Number);
   const span = frames?.length ? { frames: [frames[0], frames.at(-1)] } : {};
-  const [[, one, ...first], [, other, ...second]] = ["one", "other"].map((id) => $(id).value.trim().match(PLACED));
+  const [[, one, ...first], [, other, ...second]] = ["one", "other"].map((id) => $(id).value.trim().match(PART));
   if ($("kind").value === "plant") return { plant: one, on: "where it is", ...span };
   if ($("kind").value === "look") return { look: one, like: "source", ...span };
   const firmness = Number($("firmness").value);
@@ -287,12 +288,11 @@ function change(contacts) {
   set({ contacts });
 }
 
-/** Tells the player something. */
-const tell = (message) => $("player").contentWindow.postMessage(message, "*");
+const tellPlayer = (message) => $("player").contentWindow.postMessage(message, "*");
 
-const goTo = (to) => tell({ frame: to });
+const goTo = (to) => tellPlayer({ frame: to });
 
-/** What is said of the result; where it is of a frame, a press leads there, and to the joints that it is of. */
+/** A sentence of the verdict or a warning; if it is about a frame, a link to that frame and its joints. */
 function remark({ text, frame: at, joints }) {
   if (at === null) return text;
   return element("a", text, { href: `#frame=${at}`, onclick: (event) => {
@@ -301,46 +301,46 @@ function remark({ text, frame: at, joints }) {
   } });
 }
 
-const placed = (part, anchor) => (anchor ? `${part} at ${anchor.join(", ")}` : part);
+const withAnchor = (part, anchor) => (anchor ? `${part} at ${anchor.join(", ")}` : part);
 
-/** What was clicked in words: a part and, for parts that touch, where on its skin, as contact files say it. */
-function wordsOf(joint, at) {
+/** The text of a clicked part of the body and, for parts that touch, of the anchor on its skin as in contact files. */
+function textOfClick(joint, at) {
   const axes = at && $("kind").value === "between" ? done.axes[joint] : null;
-  if (!axes) return done.anchors[joint];
+  if (!axes) return done.target_joints[joint];
   const off = at.map((x, k) => x - axes.start[k]);
   const [along, side, front] = axes.directions.map((direction) => direction.reduce((sum, x, k) => sum + x * off[k], 0));
   const anchor = [(along / axes.length).toFixed(3), ((Math.atan2(side, front) * 180) / Math.PI).toFixed(0)];
-  return placed(axes.name, anchor.map(Number));
+  return withAnchor(axes.name, anchor.map(Number));
 }
 
-/** Takes a part of the body that was clicked in the picture; the second makes the contact, about the frame that is seen. */
+/** Handles a click on a part of the body; the last part of a contact adds it, around the shown frame. */
 function picked(joint, at) {
   const both = $("kind").value === "between";
-  const words = wordsOf(joint, at);
-  const [, name] = words.match(PLACED);
-  const complete = !both || (clicked && clicked !== name);
-  $(both && complete ? "other" : "one").value = words;
-  clicked = name;
+  const text = textOfClick(joint, at);
+  const [, name] = text.match(PART);
+  const complete = !both || (firstPart && firstPart !== name);
+  $(both && complete ? "other" : "one").value = text;
+  firstPart = name;
   pick(!complete);
   if (!complete) return;
   const around = Math.round(AROUND / done.frame_time);
   $("frames").value = `${Math.max(frame - around, 0)}-${Math.min(frame + around, done.frames - 1)}`;
-  change([...order.contacts, written()]);
+  change([...order.contacts, entryOfFields()]);
 }
 
 function pick(on) {
-  if (!on) clicked = "";
+  if (!on) firstPart = "";
   $("pick").setAttribute("aria-pressed", on);
-  $("pick").textContent = !on ? "Click parts on the body" : clicked ? `${clicked} and ...` : "Click a part ...";
+  $("pick").textContent = !on ? "Click parts on the body" : firstPart ? `${firstPart} and ...` : "Click a part ...";
 }
 
-/** Takes a joint of the source, which is to drive that of the character which is taken next. */
+/** Selects a joint of the source as the driver of the joint of the character that is selected next. */
 function takeDriver(key) {
   driver = key;
   showPair(key, null);
 }
 
-/** Takes a joint of the character: it is driven by the joint that was taken before, or shown if there is none. */
+/** Selects a joint of the character: the selected driver is mapped to it; without one, its present pair is shown. */
 function takeDriven(key) {
   const drives = driver ?? driverOf(key);
   const isNew = driver !== null;
@@ -351,50 +351,50 @@ function takeDriven(key) {
 
 const driverOf = (key) => done.pairs.find(([joint]) => joint === key)?.[1] ?? null;
 
-/** Shows pairs of joints, either of which may be null, in the picture and in the list. */
+/** Marks pairs of joints, either of which may be null, in the player and in the list. */
 function showPairs(pairs, more = {}) {
-  named = pairs.filter(([drives, driven]) => done.anchors.includes(driven) || done.drivers.includes(drives));
-  tell({ ...more, pairs: named.map(([drives, driven]) => [done.drivers.indexOf(drives), done.anchors.indexOf(driven)]) });
-  for (const { classList, dataset } of $("pairs").children) classList.toggle("chosen", named.some(([, driven]) => driven === dataset.driven));
+  shownPairs = pairs.filter(([drives, driven]) => done.target_joints.includes(driven) || done.source_joints.includes(drives));
+  tellPlayer({ ...more, pairs: shownPairs.map(([drives, driven]) => [done.source_joints.indexOf(drives), done.target_joints.indexOf(driven)]) });
+  for (const { classList, dataset } of $("pairs").children) classList.toggle("chosen", shownPairs.some(([, driven]) => driven === dataset.driven));
 }
 
-/** Shows a pair in words as well. */
+/** Marks a pair, and says it in a sentence. */
 function showPair(drives, driven) {
   showPairs([[drives, driven]]);
   $("pairing").textContent = driven ? `${drives ?? "nothing"} drives ${driven}.` : drives ? `${drives} drives ... Click a joint of the copy or the result.`
     : "Click a joint of the source, then one of the copy or the result; or choose here.";
 }
 
-/** Lists who drives whom, and who is left; while the list is open, each pair has a colour there and on the bodies. */
+/** Lists the pairs of joints, and joints without a partner; while the list is open, each pair has a colour. */
 function showDrivers() {
   const tones = new Map(done.pairs.flatMap(([, drives]) => drives ?? []).map((key, k) => [key, `hsl(${Math.round(137.5 * k) % 360}, 80%, 52%)`]));
   const drives = new Map(done.pairs);
-  const rows = done.pairs.map(([joint, by]) => pair(joint, by, tones.get(by)));
-  const idle = Array.from(new Set(done.drivers)).filter((key) => !tones.has(key));
-  const under = (title, some) => (some.length ? [row("tr", element("th", `${title} (${some.length})`, { colSpan: 3 })), ...some] : []);
-  $("pairs").replaceChildren(...under("Driven", rows.filter((_, k) => done.pairs[k][1])), ...under("Driven by nothing", rows.filter((_, k) => !done.pairs[k][1])),
-    ...under("Drive nothing", idle.map((key) => row("tr", element("td", ""), row("td", joined(key, takeDriver))))));
+  const rows = done.pairs.map(([joint, by]) => pairRow(joint, by, tones.get(by)));
+  const unused = Array.from(new Set(done.source_joints)).filter((key) => !tones.has(key));
+  const section = (title, some) => (some.length ? [row("tr", element("th", `${title} (${some.length})`, { colSpan: 3 })), ...some] : []);
+  $("pairs").replaceChildren(...section("Driven", rows.filter((_, k) => done.pairs[k][1])), ...section("Driven by nothing", rows.filter((_, k) => !done.pairs[k][1])),
+    ...section("Drive nothing", unused.map((key) => row("tr", element("td", ""), row("td", jointButton(key, takeDriver))))));
   const dots = (keys, tone) => keys.map((key, k) => (keys.indexOf(key) < k ? "" : tones.get(tone(key)) ?? "#888"));
-  tell({ dots: $("who").open ? [dots(done.drivers, (key) => key), dots(done.anchors, (key) => drives.get(key))] : [[], []] });
+  tellPlayer({ dots: $("who").open ? [dots(done.source_joints, (key) => key), dots(done.target_joints, (key) => drives.get(key))] : [[], []] });
 }
 
-const joined = (key, take) => element("button", key, { type: "button", className: "name", onclick: () => take(key) });
+const jointButton = (key, take) => element("button", key, { type: "button", className: "name", onclick: () => take(key) });
 
-function pair(joint, drives, tone) {
+function pairRow(joint, drives, tone) {
   const choice = document.createElement("select");
-  choice.append(new Option("nothing", ""), ...Array.from(new Set([...done.drivers, drives].filter(Boolean)), (name) => new Option(name, name)));
+  choice.append(new Option("nothing", ""), ...Array.from(new Set([...done.source_joints, drives].filter(Boolean)), (name) => new Option(name, name)));
   choice.value = drives ?? "";
   choice.setAttribute("aria-label", `what drives ${joint}`);
   choice.onfocus = () => driver || showPair(drives, joint);
   choice.onchange = () => set({ map: { ...order.map, [joint]: choice.value || null } });
   const dot = element("i", "", { className: "dot" });
   dot.style.background = tone ?? "";
-  const made = row("tr", row("td", dot), row("td", joined(joint, takeDriven)), row("td", choice));
+  const made = row("tr", row("td", dot), row("td", jointButton(joint, takeDriven)), row("td", choice));
   made.dataset.driven = joint;
   return made;
 }
 
-// ---- what people do
+// ---- events
 
 for (const role of ["clip", "character"]) {
   $(role).onchange = (event) => [...event.target.files].forEach((file) => drop(file, role));
@@ -424,8 +424,8 @@ $("download").onclick = () => ($("which").value === "this" ? download($("format"
 $("zip").onclick = () => download($("which").value === "merged" ? "merged-zip" : "zip", chosenOrders());
 for (const button of document.querySelectorAll("[data-take]")) button.onclick = () => download(button.dataset.take);
 $("copy").onclick = () => navigator.clipboard.writeText($("command").textContent);
-$("make").onclick = () => change([...order.contacts, written()]);
-$("change").onclick = () => change(replaced(order.contacts, chosen, written()));
+$("make").onclick = () => change([...order.contacts, entryOfFields()]);
+$("change").onclick = () => change(replaced(order.contacts, chosen, entryOfFields()));
 $("kind").onchange = showKind;
 $("pick").onclick = () => pick($("pick").getAttribute("aria-pressed") !== "true");
 $("save").onclick = () => download("project");
@@ -439,14 +439,14 @@ $("rest").onchange = async (event) => {
   event.target.value = "";
 };
 $("no-rest").onclick = () => set({ rest: null });
-/** Opens a JSON file of a format; `take` says what is wrong with it, if anything is. */
-const opens = (id, format, what, take) => {
+/** Lets a button open a JSON file of a format; `use(content)` may throw an error, which is shown. */
+const opens = (id, format, what, use) => {
   $(id).onchange = async (event) => {
     const [file] = event.target.files;
     try {
       const found = JSON.parse(await file.text());
       if (found?.format !== format) throw new Error(`it is no ${what}`);
-      take(found);
+      use(found);
     } catch (error) {
       trouble(`${file.name} cannot be opened: ${error.message}`);
     }
@@ -454,15 +454,15 @@ const opens = (id, format, what, take) => {
   };
 };
 opens("open-contacts", "distretarget-contacts", "contact file", ({ contacts }) => change(contacts));
-opens("open", "distretarget-project", "project of the studio", ({ format, version, files, output, ...how }) => {
-  const numbers = {};
+opens("open", "distretarget-project", "project of the studio", ({ format, version, files, output, ...settings }) => {
+  const ids = {};
   for (const [role, { name, hash }] of Object.entries(files)) {
     const about = [...known.values()].find((each) => each.hash === hash && each[role]);
     const other = [...known.values()].some((each) => each.name === name);
     if (!about) throw new Error(other ? `the ${name} that was dropped is not the one of the project` : `drop ${name} first, then open the project`);
-    numbers[role] = about.id;
+    ids[role] = about.id;
   }
-  set({ ...START, ...how, ...numbers, format: output });
+  set({ ...START, ...settings, ...ids, format: output });
 });
 addEventListener("keydown", (event) => {
   if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.matches("input:not([type=checkbox])")) return;
@@ -488,18 +488,18 @@ addEventListener("message", (event) => {
   if (event.source !== $("player").contentWindow) return;
   if (event.data?.ready) {
     ready = true;
-    waiting.splice(0).forEach(tell);
-    if (done) tell({ timeline: done.timeline });
+    waiting.splice(0).forEach(tellPlayer);
+    if (done) tellPlayer({ timeline: done.timeline });
   }
   if (Number.isInteger(event.data?.frame)) frame = event.data.frame;
   const { joint = -1, skin, at, role } = event.data ?? {};
   if ($("pick").getAttribute("aria-pressed") === "true") {
     if (role !== "source" && Math.max(joint, skin) >= 0) picked(skin < 0 ? joint : skin, at);
   } else if ($("who").open && joint >= 0) {
-    if (role === "source") takeDriver(done.drivers[joint]);
-    else takeDriven(done.anchors[joint]);
+    if (role === "source") takeDriver(done.source_joints[joint]);
+    else takeDriven(done.target_joints[joint]);
   }
 });
 $("order").onsubmit = (event) => event.preventDefault();
-for (const about of await (await ask("files")).json()) take(about);
+for (const about of await (await ask("files")).json()) accept(about);
 show();
