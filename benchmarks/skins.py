@@ -134,7 +134,7 @@ def parts_of(skeleton: Skeleton) -> Numbers:
         side = next((side for side in ("left", "right") if role.startswith(side)), "")
         if part := PART_OF_ROLE.get(role.removeprefix(side)):
             own[joint] = f"{side} {part}" if part in ("forearm", "hand") else part
-    lines = map(skeleton.line, range(len(skeleton)))
+    lines = map(skeleton.to_root, range(len(skeleton)))
     return np.array([PARTS.index(next((own[up] for up in line if up in own), "hips")) for line in lines])
 
 
