@@ -29,7 +29,7 @@ HEADINGS = {  # of sections, with the beginnings of the paths of files whose mes
     "Arrays": "io/arrays.py io/smpl.py",
     "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx",
     "Skeleton files and maps": "io/json io/target io/skeleton io/map io/obj.py target.py matching/pairing.py",
-    "Contacts that are asked for": "contact_entries.py io/contacts objectives/constraint objectives/paper",
+    "User constraints": "contact_entries.py io/contacts objectives/constraint objectives/paper",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",
     "Scenes": "scene/ report/scene measure/scene",
