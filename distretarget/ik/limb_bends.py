@@ -37,7 +37,7 @@ STEPS = 16  # at most
 SETTLED = 2e-3  # limbs whose parts turn by less than this in a step have converged [rad]
 FARTHEST = 0.5  # the largest component of a step [rad]
 ROUNDED = 1e-9  # smaller displacements are rounding errors [body units]
-TRIES = 12  # of a step that raises the energy ...
+TRIES = 12  # of a step that raises the energy and is larger than `SETTLED` ...
 DAMPING = 8.0  # ... each with the damping multiplied by this in the frames that raise it
 STENCILS = ((1.0,), (1.0, -1.0), (1.0, -2.0, 1.0))  # of w, w' and w''
 
@@ -183,6 +183,8 @@ class _Path:
             if change <= 0.0:
                 damping /= DAMPING
                 return np.asarray(step)
+            if extent(step) <= SETTLED:
+                break
             damping[self.terms[0][span] > energy] += 1.0
             damping[self.terms[0][span] > energy] *= DAMPING
         self._evaluate(span, now)
