@@ -47,12 +47,11 @@ class SurfaceSamples:
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
         order = folded[corners, 0].argsort(axis=1)
         corners, is_even = np.take_along_axis(corners, order, axis=1), (order[:, 1] - order[:, 0]) % 3 == 1
-        edges = [mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2)]
-        are_large = 0.5 * lengths(cross(*edges)) > np.pi * radii**2
+        normals = cross(*(mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2)))
+        are_large = 0.5 * lengths(normals) > np.pi * radii**2
         shares, leads_in = _shares(triangles, numbers, are_large), (triangles > 0) != is_even
         corners = np.where(leads_in[:, None], corners[:, [0, 2, 1]], corners)
-        shares = np.where(leads_in, shares[[0, 2, 1]], shares)
-        edges = [mesh.vertices[corners[:, k]] - mesh.vertices[corners[:, 0]] for k in (1, 2)]
+        shares, normals = np.where(leads_in, shares[[0, 2, 1]], shares), np.where(leads_in[:, None], -normals, normals)
         groups = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
         order = np.concatenate([segments[:0], *groups])
         corners, shares, radii, are_large = corners[order], shares[:, order], radii[order], are_large[order]
@@ -63,7 +62,7 @@ class SurfaceSamples:
             _rows(csr_array((np.transpose(each).ravel(), (rows, corners.ravel())), size) @ vertices)
             for each in (shares, [-one, one, none], [-one, none, one])
         )
-        dipoles = (np.pi * radii**2)[:, None] * normalised(cross(*edges)[order])
+        dipoles = (np.pi * radii**2)[:, None] * normalised(normals[order])
         runs = _runs(places, dipoles, np.cumsum([0, *map(len, groups)]), segments)
         return cls(Points(places, first, second, radii, np.ascontiguousarray(shares[1:].T), are_large, runs))
 
