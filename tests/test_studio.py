@@ -926,6 +926,16 @@ def test_ten_changes_are_undone_and_done_again(solved):
     wait(" --turn 10")
 
 
+def test_the_player_may_load_before_the_scripts_of_the_page(browser):
+    """Then the page still hears that the player is ready."""
+    with serving(Dropped()) as address:
+        tab = browser.new_page()
+        tab.route("**/contacts.js", lambda route: (time.sleep(2), route.continue_()))
+        tab.goto(address)
+        drawn(tab)
+        tab.close()
+
+
 def test_a_picture_of_the_view_is_saved(solved):
     stage = drawn(solved[0])
     with solved[0].expect_download() as download:

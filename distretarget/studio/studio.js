@@ -500,6 +500,7 @@ addEventListener("message", (event) => {
     else takeDriven(done.target_joints[joint]);
   }
 });
+$("player").src = "player"; // only now, so that the page hears it when the player is ready
 $("order").onsubmit = (event) => event.preventDefault();
 for (const about of await (await ask("files")).json()) accept(about);
 show();
