@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
 from distretarget.body.build import average_build_of
-from distretarget.objectives.body_skin import ELBOW, BodySkin
+from distretarget.objectives.arm_overlap import ELBOW
+from distretarget.objectives.body_skin import BodySkin
 from distretarget.skin.balls import segment_gaps
 from distretarget.skin.capsules import SEGMENTS, Capsules, gap_at, may_touch, write_axis
 from distretarget.skin.displacement import displacements
@@ -53,6 +54,23 @@ def test_a_forearm_gives_way_to_the_trunk_at_the_elbow_and_not_at_the_wrist(part
     assert gap_along(0.0, part) == pytest.approx(0.04 * ELBOW - 0.01)
     assert gap_along(1.0, part) == pytest.approx(-0.01)
     assert np.all(np.diff([gap_along(share, part, 0.0) for share in (0.0, 1 / 3, 2 / 3, 1.0)]) < 0)
+
+
+def gap_of_hanging_arms(wide):
+    """The least gap of hanging upper arms and forearms to a chest, a capsule that reaches so far to each side."""
+    build, across = average_build_of(BODY).on(BODY), np.array([[[-wide, -0.1, 0.0], [wide, -0.1, 0.0]]])
+    arms = build[np.isin(build.segments, [number for number, name in enumerate(SEGMENTS) if "arm" in name])]
+    joint, segment = np.array([PERSON.index("Chest3")]), np.array([SEGMENTS.index("chest")])
+    fields = zip(vars(arms).values(), (joint, across, np.array([[0.15, 0.15]]), segment), strict=True)
+    skin = BodySkin.of(BODY, Capsules(*map(np.concatenate, fields)))
+    down = {f"{side}Shoulder": np.array([0.0, 0.0, turn]) for side, turn in (("Left", -1.57), ("Right", 1.57))}
+    return segment_gaps(skin.balls, skin.posed(bodies.posed(PERSON, down, np.zeros((1, 3)))), 1.0).min()
+
+
+@pytest.mark.parametrize(("wide", "overlaps"), [(0.0, False), (0.12, True), (0.2, False), (0.3, False)])
+def test_arms_whose_shoulders_are_inside_the_chest_may_hang_in_it(wide, overlaps):
+    """A shoulder is .23 m from the middle. Beside the second chest, which ends before it, arms have to give way."""
+    assert (gap_of_hanging_arms(wide) < -0.02) == overlaps
 
 
 @pytest.mark.parametrize("part", ["head", "left thigh"])

@@ -214,6 +214,18 @@ def test_a_joint_without_skin_has_none_below():
     assert Underside(BODY, *knees()[::-1]).below(motion, elbow, UP) == 0.0
 
 
+def test_a_scabbard_that_hangs_from_the_hips_carries_nothing():
+    hips, down = PERSON.index("Hips"), np.array([[0.0, 0.0, 0.0], [0.0, -0.8, 0.0]])
+    radii, segments = np.array([[0.12, 0.12]]), np.array([SEGMENTS.index("pelvis")])
+    capsules = Capsules(np.array([hips]), np.zeros((1, 2, 3)), radii, segments)
+    skin = hips, capsule_surface(PERSON.rest_positions[hips] + 1e-9 * down, [0.12, 0.12], 41, 40)
+    scabbard = hips, capsule_surface(PERSON.rest_positions[hips] + down, [0.02, 0.02], 9, 8)
+    motion = Motion(PERSON, np.zeros((1, 3)), PERSON.rest_rotations[None], "0.02")
+    for mesh in (mesh_of([skin]), mesh_of([skin, scabbard])):
+        below = Underside(BODY, capsules, mesh).below(motion, np.array([hips]), UP)
+        np.testing.assert_allclose(below, 0.12, rtol=0.06)
+
+
 # ---- in a run
 
 

@@ -20,6 +20,7 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.rig import rig_cached
 from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.fit import distances
 from distretarget.skin.mesh import SkinnedMesh, outermost
 
 T = TypeVar("T")
@@ -27,6 +28,8 @@ T = TypeVar("T")
 AROUND = 1.5  # a joint can rest on skin nearer than this [radii of its capsule there], ...
 WHOLE = ("head", "chest", "belly", "pelvis")  # ... on all skin of these segments, ...
 BEYOND = 4.0  # ... and the last joint of a finger on skin nearer than this [radii of its capsule there]
+# Of `WHOLE`, what is farther outside its capsules than this carries nothing: spikes, a tail, a scabbard [mean radii].
+OFF_SKIN = 0.6
 # A foot has a heel if the skin behind the ankle reaches deeper than this share of the depth of the sole: 0.86 and more
 # with a heel, 0.3 without.
 HEEL = 0.5
@@ -182,11 +185,16 @@ class Underside:
         return np.flatnonzero(np.isin(self.capsules.segments, segments))
 
     def _vertices_about(self, mesh: SkinnedMesh, joint: int, reach: float) -> Numbers:
-        """The outermost vertices of the skin nearer to a joint than `reach`, and of all skin of segments in `WHOLE`."""
+        """The outermost vertices of skin nearer to a joint than `reach`, and of all skin of segments in `WHOLE`."""
         segments, away = self.segments[mesh.carriers], mesh.vertices - self.body.skeleton.rest_positions[joint]
         near, chosen = lengths(away) < reach, [np.zeros(0, np.intp)]
+        whole = self._whole_about(joint)
+        if len(whole):
+            radii, on = self.capsules.radii[whole], np.isin(segments, self.capsules.segments[whole])
+            off_skin, _ = distances(mesh.vertices[on], self._rest_ends[whole], radii)
+            near[on] |= off_skin < OFF_SKIN * radii.mean()
         for segment in self._segments_about(joint).tolist():
-            own = np.flatnonzero((near | (SEGMENTS[segment] in WHOLE)) & (segments == segment))
+            own = np.flatnonzero(near & (segments == segment))
             chosen.append(own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own)
         return np.concatenate(chosen)
 

@@ -12,6 +12,7 @@ from distretarget.body.body import Body
 from distretarget.matching.matching import Matching
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
+from distretarget.objectives.arm_overlap import ArmOverlap
 from distretarget.objectives.part_axes import Landmarks
 from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
@@ -24,12 +25,7 @@ from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 
-# A forearm may overlap the trunk by this at the elbow, falling to 0 at the wrist [radii]: the upper arm next to it is
-# all soft. The meshes of stout bodies then sink in by at most 2 % of the height; with 0.5, by more.
-ELBOW = 0.4
-MOST = 0.012  # the most that this is on thick arms, about what it is on an average one [body units]
 ALIKE = 1e-3  # the largest relative difference of radii that still counts as one body
-IS_FOREARM = np.array(["forearm" in name for name in SEGMENTS])
 IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
 
 
@@ -42,6 +38,7 @@ class BodySkin:
     limbs: tuple[Limb, ...]  # arms, then legs
     displaced: Displaced  # how the balls move with middle and end of each limb
     of_joint: Numbers  # (joints,), the segment of each joint or of its nearest ancestor with a capsule; -1 for none
+    sunk: Array  # (segments,), see `ArmOverlap`
     landmarks: Landmarks | None  # from which the axes of body parts are found
     unit: float  # the body unit
     surface: SurfaceSamples | None = None  # of the mesh, if there is one
@@ -67,9 +64,9 @@ class BodySkin:
         moving = (1.0 - t) * shares[on, 0] + t * shares[on, 1]
         is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
         moving[is_leg[of_capsule[on]], 1] = 0.0  # feet are not displaced
-        forearms = np.repeat(IS_FOREARM, np.diff(balls.of_ball))
-        overlap = np.minimum(ELBOW * balls.radii, MOST) * forearms * (1.0 - moving[:, 1])
-        overlap = np.outer(overlap, IS_TRUNK[capsules.segments])
+        is_trunk = IS_TRUNK[capsules.segments]
+        overlap, sunk = ArmOverlap.of(body, balls, posed / body.unit, is_trunk, limbs, of_capsule[on], moving)
+        overlap = np.outer(overlap, is_trunk)
         balls.gap_offsets[...] -= np.where(balls.gap_offsets < NEVER, overlap, 0.0)
         balls.gap_offsets[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms displace arms and legs displace legs, but arms no legs
@@ -85,6 +82,7 @@ class BodySkin:
             limbs=limbs,
             displaced=Displaced(of_capsule, shares, mutual),
             of_joint=np.array(of_joint, np.intp),
+            sunk=sunk,
             landmarks=Landmarks.of(body, tips),
             unit=body.unit,
         )

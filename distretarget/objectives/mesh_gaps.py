@@ -16,7 +16,7 @@ from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.objectives.contact_zones import ContactZones, gaps_of_pairs
 from distretarget.skin.balls import segment_gaps
-from distretarget.skin.capsules import GROUP
+from distretarget.skin.capsules import GROUP, SEGMENTS
 
 RATE = 30.0  # the mesh is sampled about as often [1/s]
 NEAR = 0.03  # meshes may touch where the gap of capsules is less than this [body units]
@@ -25,6 +25,7 @@ MOST = 0.04  # the largest correction [body units]
 # Where nothing is to touch, a correction makes capsules thinner by at most this: at the hem of a jacket, the nearest
 # point of a coarse mesh jumps by more [body units].
 THICKER = 0.01
+TRUNK = GROUP[SEGMENTS.index("chest")]
 STEADY = 0.07  # corrections are averaged over this time before and after, as the nearest point of a mesh jumps [s]
 
 
@@ -58,6 +59,7 @@ def mesh_correction(
     correction = np.subtract(gaps, of_mesh, out=np.zeros(gaps.shape), where=known)
     correction = correction.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), overlap)[frames], MOST)
     mean = partial(_averaged, reach=round(STEADY / (_step(motion) * motion.frame_time)))
+    correction *= 1.0 - body.sunk[zones.limbs] * (zones.groups == TRUNK)  # such arms are in the mesh by its build
     return _interpolated(by_shot(mean, shots[frames], correction, known), frames, len(motion))
 
 
