@@ -132,6 +132,15 @@ def test_a_lying_person_has_the_up_of_the_rest_pose(up, axis, bends):
     near(retarget(source, replace(person(), up="Y")).motion.positions, motion.positions)
 
 
+@pytest.mark.parametrize("up", ["Y", "-X"])
+def test_a_person_who_stands_and_then_falls_on_the_face_has_the_up_of_the_rest_pose(up):
+    """It lies four times as long as it stands, with its feet near the origin, and no joint is at the floor."""
+    falls = np.repeat([0.0, np.pi / 2], [10, 40])
+    root = np.where(falls[:, None] > 0, [0.0, 0.07, 0.9], [0.0, 0.96, 0.0])
+    motion = posed(person(), {"Hips": np.outer(falls, axis_vector("X"))}, root)
+    assert Body.of_motion(in_world(motion, onto(up))).up_in_motion == up
+
+
 @pytest.mark.parametrize("facing", [15, 40, 90, 180, 270])
 def test_the_heading_is_kept_where_up_is_the_same(facing):
     """The target's rest pose may face any way."""

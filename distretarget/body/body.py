@@ -31,6 +31,7 @@ from distretarget.skeleton import Skeleton
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
 UP_FROM_MOTION = 0.3  # ... or than this if the rest pose does not show the up axis [cosine]
 LIES = 0.05  # a body whose lowest joint is nearer to height 0 than this may lie there [leg lengths]
+RISES = 0.05  # a body that stands along an axis in more of the frames than this may lie in the others [0 to 1]
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
@@ -233,7 +234,8 @@ class Body:
         """Which of `AXES` points up in the motion; None where neither the motion nor the rest pose shows it.
 
         Normally the rest pose decides, so that a body may lie down in the motion. The motion decides if the body stands
-        along another axis in it, with its feet at height 0, and is off height 0 along the rest pose's axis.
+        along another axis in it, with its feet at height 0, and neither lies nor sometimes stands at height 0 along the
+        rest pose's axis.
         """
         if self.motion is None:
             return None
@@ -245,7 +247,8 @@ class Body:
         if self.up_at_rest == axis:
             return axis
         off, off_at_rest = (abs(self.lowest(axis_vector(each))) for each in (axis, self.up_at_rest))
-        lies = off_at_rest < LIES * self.leg_length
+        rises = (self.in_motion.up @ axis_vector(self.up_at_rest) > STANDS_IN_MOTION).mean() > RISES
+        lies = off_at_rest < (OFF_FLOOR if rises else LIES) * self.leg_length
         stands = cosine > STANDS_IN_MOTION and off < OFF_FLOOR * self.leg_length
         return axis if stands and not lies else self.up_at_rest
 
