@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import HERO, SAMPLES, UP, matched, person, posed
+from capsule_bodies import capsule_surface, mesh_of
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
@@ -52,6 +53,20 @@ def test_the_lowest_point_of_a_surface_is_that_of_the_posed_one(walked):
     known = mesh.posed(motion, np.flatnonzero(np.isin(mesh.carriers, foot)))[..., 1].min(axis=1)
     np.testing.assert_allclose(surface.lowest(motion, foot, UP), known, atol=2e-3)
     assert np.isinf(surface.lowest(motion, [], UP)).all()
+
+
+@pytest.mark.parametrize("bends", [True, False])
+def test_a_pack_is_no_skin_beside_skin_that_bends(bends):
+    """If all pieces are rigid, as of robots, all of them are the body."""
+    body, down = person(), np.array([[0.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
+    chest, lower = body.index("Chest3"), body.index("Chest")
+    places = [body.rest_positions[chest] + length * down - (0, 0, length) for length in (0.1, 0.5)]
+    mesh = mesh_of([(chest, capsule_surface(place, [0.1, 0.1], 9, 8)) for place in places])
+    if bends:
+        mesh.joints[0] = lower
+    motion = posed(body, {}, np.zeros((2, 3)))
+    lowest = surface_of_mesh(mesh, motion.skeleton).without_gear.lowest(motion, [lower, chest], UP)
+    np.testing.assert_allclose(lowest, motion.positions[:, chest, 1] - (0.2 if bends else 0.6), atol=2e-3)
 
 
 def test_the_lowest_point_of_capsules_is_a_radius_below_an_end():

@@ -192,7 +192,7 @@ class Underside:
         if len(whole):
             radii, on = self.capsules.radii[whole], np.isin(segments, self.capsules.segments[whole])
             off_skin, _ = distances(mesh.vertices[on], self._rest_ends[whole], radii)
-            near[on] |= off_skin < OFF_SKIN * radii.mean()
+            near[on] = off_skin < OFF_SKIN * radii.mean()
         for segment in self._segments_about(joint).tolist():
             own = np.flatnonzero(near & (segments == segment))
             chosen.append(own[np.unique((away[own] @ _directions().T).argmax(axis=0))] if len(own) else own)

@@ -251,7 +251,7 @@ def find_supports(
     holds = _holds(source, matching, joints, source_leg) & ~on_floor
     some = (on_floor | holds).any(axis=0)
     skate = speeds_along(level(source.positions[:, drivers[some]] / source_leg, up), source.frame_time)
-    known = surface if matching.legs else None
+    known = surface.without_gear if surface and matching.legs else None
     return SupportsMeasured(
         joints=joints[some],
         on_floor=on_floor[:, some],
