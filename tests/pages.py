@@ -6,6 +6,8 @@ import re
 from base64 import b64encode
 from contextlib import contextmanager
 
+PATIENCE = 120_000  # the longest wait for a page, of a busy machine [ms]
+
 # A script: the contrast to its background of each text on a page, as WCAG 2 defines it, with the element's HTML.
 CONTRASTS = """() => {
     const linear = part => part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
@@ -89,9 +91,9 @@ def settle(tab):
 
 
 def wait_until_true(tab, expression):
-    """Wait until an expression is true in a page, for at most 30 s, as events reach a page at no fixed time."""
-    for _ in range(600):
+    """Wait until an expression is true in a page, for at most `PATIENCE`, as events reach a page at no fixed time."""
+    for _ in range(PATIENCE // 50):
         if tab.evaluate(expression):
             return
         tab.wait_for_timeout(50)
-    raise AssertionError(f"after 30 s not true: {expression}")
+    raise AssertionError(f"after {PATIENCE / 1000} s not true: {expression}")

@@ -22,7 +22,7 @@ from bodies import (
     tree_of,
     with_bone,
 )
-from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, made_once, printed, settle
+from pages import PATIENCE, check_it_asks_for_nothing, check_text_can_be_read, embedded, made_once, printed, settle
 from scipy.spatial.transform import Rotation
 
 from distretarget import load_target, read_bvh, read_motion, retarget, write_motion
@@ -445,7 +445,7 @@ def test_a_film_has_each_frame_once_and_at_its_time(opened, tmp_path):
     if not tab.evaluate("Boolean(globalThis.VideoEncoder)"):
         pytest.skip("this browser codes no films")
     count, step = tab.evaluate("[app.clock.count, app.clock.frameTime]")
-    with tab.expect_download(timeout=120_000) as saved:
+    with tab.expect_download(timeout=PATIENCE) as saved:
         tab.click("#film")
     saved.value.save_as(tmp_path / "film.webm")
     (_, head), (_, segment) = elements((tmp_path / "film.webm").read_bytes())
