@@ -39,8 +39,8 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.limbs import arm_raise
 from distretarget.errors import DistretargetError
 from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.deviations import find_arm_deviation
 from distretarget.measure.metrics import clip_metrics
-from distretarget.measure.needless import find_needless
 from distretarget.measure.skin import find_skin
 from distretarget.numerics.vectors import Array, lengths
 from distretarget.target import Target
@@ -167,8 +167,8 @@ def skin_metrics(hero: Character, motion: Motion, frames: NDArray[np.intp], of_s
 def _of_motion(reference: Reference, run: RetargetResult, of_copy: Comparison, motion: Motion) -> dict[str, float]:
     """The project's metrics of a motion, against the rotation copy's."""
     comparison = reference.compare(motion)
-    needless = find_needless(run.rotation_copy, motion, run.matching.target, of_copy, comparison)
-    metrics, source = clip_metrics({**comparison.tracks, "needless": needless}), clip_metrics(comparison.source_tracks)
+    arms = find_arm_deviation(run.rotation_copy, motion, run.matching.target, of_copy, comparison)
+    metrics, source = clip_metrics({**comparison.tracks, "arm_deviation": arms}), clip_metrics(comparison.source_tracks)
     names = ("foot_skate", "foot_height", "jerk", "turn", "hips_acceleration", *FURTHER)
     values = {name: metrics[name] for name in names} | {"foot_skate_source": source["foot_skate"]}
     return {name: np.nan if value is None else float(value) for name, value in values.items()}
@@ -224,7 +224,7 @@ class Column(NamedTuple):
 
 
 COLUMNS = {key: Column(*column) for key, column in TABLES["columns"].items()}
-FURTHER = ("touch_missed", "touch_place", "part_depth", "floor", "sole_tilt", "needless")
+FURTHER = ("touch_missed", "touch_place", "part_depth", "floor", "sole_tilt", "arm_deviation")
 
 
 def summary(

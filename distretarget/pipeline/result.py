@@ -23,8 +23,8 @@ from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.deviations import find_arm_deviation, find_pops, find_shaking, find_turned
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.needless import find_needless, find_pops, find_shaking, find_turned
 from distretarget.measure.skin import Skin, find_skin
 from distretarget.measure.surface import find_surface
 from distretarget.measure.verdict import Remark, limit_warnings, verdict
@@ -244,7 +244,7 @@ class RetargetResult:
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
-            "needless": find_needless(*motions, body, of_copy, of_result, free),
+            "arm_deviation": find_arm_deviation(*motions, body, of_copy, of_result, free),
             "shaking": Track(find_shaking(*motions, body, shots), parts=keys),
             "pop": Track(find_pops(*motions, body, shots), parts=keys),
             "not_converged": Track(not_converged),

@@ -57,7 +57,7 @@ def _sudden(steps: Array, times: float) -> Flags:
     return np.asarray((steps > FAR) & (steps > times * usual_steps(steps)))
 
 
-def find_needless(
+def find_arm_deviation(
     copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison, free: Flags | bool = False
 ) -> Track:
     """The angles of upper arms to the rotation copy, or to the source's directions if larger, (frames, arms) [degrees].
