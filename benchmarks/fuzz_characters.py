@@ -71,7 +71,7 @@ def _as_motion(path: Path) -> None:
         return
     text = read_back(lambda: "".join(bvh_parts(motion)))
     read = read_back(lambda: parse_bvh(text, "out.bvh"))
-    motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
+    motion = motion.turned_round() if motion.skeleton.faces_negative_z else motion  # as it is written
     if not _is_collapsed(motion):
         places = motion.positions[:, list(motion.skeleton.depth_first)]
         check_close(places, read.positions, _off(_extent(motion)), "positions of the BVH")

@@ -204,7 +204,7 @@ def test_a_root_without_positions_keeps_its_offset():
 
 def test_bodies_that_look_the_other_way_by_convention_turn_round():
     clip = short_walk()
-    back = replace(clip.skeleton, looks_back=True)
+    back = replace(clip.skeleton, faces_negative_z=True)
     result = retarget(clip, back)
     half = Rotation.from_euler("Y", 180, degrees=True)
     near(result.motion.positions, half.apply(clip.positions.reshape(-1, 3)).reshape(clip.positions.shape))

@@ -92,7 +92,7 @@ def find_world(
     motion_counts = target.anatomy is not None or source.anatomy is None
     up = target_up or target.skeleton.up or (target.up_in_motion if motion_counts else None)
     up = up or (source_up if target.up_at_rest in (None, source.up_at_rest) else target.up_at_rest)
-    half_turn = source.skeleton.looks_back != target.skeleton.looks_back
+    half_turn = source.skeleton.faces_negative_z != target.skeleton.faces_negative_z
     return World(source_up, up, root_offset or find_root_offset(source, axis_vector(source_up)), half_turn)
 
 

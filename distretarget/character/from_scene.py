@@ -318,7 +318,7 @@ def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Ske
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
         up=scene.up,
-        looks_back=scene.looks_back,
+        faces_negative_z=scene.faces_negative_z,
         floor_at_zero=True,
         humanoid=tuple((bone, joints[node]) for bone, node in scene.humanoid.items()),
     )

@@ -109,7 +109,7 @@ class CharacterScene:
     humanoid: Mapping[str, int]  # the node of each bone by VRM 1.0's names, such as "leftUpperArm"; empty without VRM
     animations: tuple[str, ...]  # the names, in the order of the file; maybe empty or not unique
     animation: Animation | None  # the chosen one, or the only one
-    looks_back: bool = False  # whether its characters face -Z, as in VRM 0
+    faces_negative_z: bool = False  # whether its characters face -Z, as in VRM 0
     notes: tuple[str, ...] = ()  # a line on each thing in it that is not read
     units: str | None = "m"  # of the nodes' translations; None if the file does not state it
     up: str | None = "Y"  # None if the file does not state it

@@ -54,7 +54,7 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     if chosen is not None and moves_face(gltf, chosen):
         notes.append(FACE_LEFT_OUT)
     return CharacterScene(
-        gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=tuple(notes)
+        gltf.path, nodes, skins, humanoid, names, animation, faces_negative_z=kind == "VRM", notes=tuple(notes)
     )
 
 

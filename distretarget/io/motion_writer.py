@@ -250,7 +250,7 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     found = motion.skeleton
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
-    motion = motion if found.looks_back == expected.looks_back else motion.turned_round()
+    motion = motion if found.faces_negative_z == expected.faces_negative_z else motion.turned_round()
     return replace(character.animation(motion, clip.name), extras=clip.extras, weights=clip.weights)
 
 

@@ -339,8 +339,8 @@ def find_matching(source: Body, target: Body, joint_map: JointMap | None = None)
     """
     if source.left_is_left is not None and target.left_is_left is not None:
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
-    exchanged = [body.anatomy.exchanged if body.anatomy else "" for body in (source, target)]
-    crossed = exchanged[0] != exchanged[1]  # whether left and right are swapped in names of one body
+    swapped = [body.anatomy.swapped_sides if body.anatomy else "" for body in (source, target)]
+    crossed = swapped[0] != swapped[1]  # whether left and right are swapped in names of one body
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
     drivers, rotation_sources, blend, method = _paired(source, target, crossed, tuple(map_pairs.items()))
     return Matching(

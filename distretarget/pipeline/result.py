@@ -336,7 +336,7 @@ class RetargetResult:
 
     def _exchanged_sides(self) -> Iterator[Remark]:
         for name, body in (("source", self.matching.source), ("target", self.matching.target)):
-            if body.anatomy and (what := body.anatomy.exchanged):
+            if body.anatomy and (what := body.anatomy.swapped_sides):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
                 yield Remark(f"the {name}'s names exchange {named}; they are taken as the body shows them")
 
