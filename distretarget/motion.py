@@ -266,7 +266,7 @@ class Motion:
         return np.subtract(self.positions, bones, out=bones)
 
     def facing_forward(self) -> Motion:
-        """Return the motion of the body facing +Z by convention: turned if it faced -Z (`Skeleton.faces_negative_z`)."""
+        """Return the motion of the body facing +Z by convention: turned if it faced -Z, see `Skeleton`."""
         return self.turned_round() if self.skeleton.faces_negative_z else self
 
     def turned_round(self) -> Motion:

@@ -57,9 +57,7 @@ class AuditedClip:
 
 
 def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False) -> list[AuditedClip]:
-    """Return the audited clips of some files, in their order, with or without pictures. Each animation in a file is a
-    clip, unless `clip` names one.
-    """
+    """Return the audited clips of some files; each animation in a file is a clip, unless `clip` names one."""
     clips = [_audited(path, number, pictures) for path in paths for number in ([clip] if clip else animations_of(path))]
     rigs = defaultdict(list)
     for each in clips:

@@ -115,13 +115,9 @@ class Batch:
         self.pages.check(self.clips, self.recipe.map_file.path)
 
     def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
-        """Retarget the clips that are not done, count them, and write the pages.
-
-        `show` is called with each clip's record, or None for a clip that was done before.
-
-        Raises:
-            BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
-            FileError: the page about all clips cannot be written.
+        """Retarget the clips that are not done, count them, and write the pages; `show` gets each clip's record, or
+        None for one done before. A BatchError if the workers are gone or `fail_fast` stops it, a FileError if a page
+        cannot be written.
         """
 
         def count(record: BatchRecord | None) -> None:

@@ -130,9 +130,7 @@ class Pages:
             self.problems[path] = error
 
     def write(self, records: Sequence[BatchRecord]) -> None:
-        """Write the table of all clips in the folder of results, and a table and the page about the clips with these
-        records, which are sorted; a FileError if that fails.
-        """
+        """Write the table of all clips in the folder, and table and page about the clips with these records."""
         metrics, database = self.results.folder / METRICS, self.results.database
         check_inside(metrics, self.results.folder)
         with database.tabulating() as has_news:  # locks out other runs, whose table might have fewer records

@@ -163,9 +163,8 @@ class Curve:
 def sampled(
     path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
 ) -> Animation:
-    """Return an animation's curves, by property and node, sampled at `fps` frames/s, else at the rate of its keys
-    (`own_rate`). If that makes too many samples and keys are equally spaced, they are the frames. `most` bounds the
-    samples by the size of the file [bytes]. A FileError if nothing is animated, or if the animation is too long.
+    """Return an animation's curves sampled at `fps`, else at the rate of its keys, or if that is too much at evenly
+    spaced keys. A FileError if nothing is animated, or too long for a file of `most` bytes.
     """
     every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
     if not every:

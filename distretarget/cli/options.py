@@ -308,9 +308,7 @@ class RecipeFiles:
 
 
 def conversion_options(*own: Decorator) -> Decorator:
-    """Add the options of a conversion to a command, which receives them as `recipe_files`, and some options of its own,
-    listed between those of retargeting and of writing.
-    """
+    """Add the options of a conversion to a command, which receives them as `recipe_files`, and its `own` options."""
 
     def with_recipe(command: Command, skin: SkinMode | Path, **given: Any) -> None:
         given["skin"] = "auto" if isinstance(skin, Path) else skin

@@ -225,9 +225,7 @@ def _body_in(file: InputFile) -> Body:
 def _bones(
     file: str | Path, skeleton: Skeleton, given: Mapping[str, Sequence[tuple[str, float]]]
 ) -> dict[str, dict[str, float]]:
-    """The numbers given to bones, by option and bone, from names or patterns with numbers, `given` by option. A
-    FileError if a name matches no bone, or a bone is named twice.
-    """
+    """The numbers `given` to bones, by option and bone; a FileError if a name matches none, or one is named twice."""
     bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
     chosen: dict[str, dict[str, float]] = {option: {} for option in given}
     named_by: dict[str, str] = {}

@@ -112,8 +112,8 @@ def _checked(path: str | Path, read: Callable[[], Any]) -> Any:
 
 
 def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
-    """Return the content of an npz file with these arrays by name. float64 arrays are stored in `precision`; single
-    numbers, such as the frame time, stay float64. Equal arrays make equal files.
+    """Return an npz file's content; arrays of float64 have a `precision`, single numbers not. Equal arrays make equal
+    files.
     """
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:

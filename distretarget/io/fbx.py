@@ -54,15 +54,9 @@ def parse_fbx(
     content: bytes, path: str | Path, clip: str | None = None, fps: float | None = None, with_animation: bool = True
 ) -> CharacterScene:
     """Return the nodes of an FBX file, its skins, or its bind pose if it has none, and unless `with_animation` is false
-    the animation named `clip` (`choose_animation`); `path` is for errors.
-
-    Transforms are as FBX evaluates them, at the pivots of nodes; ufbx adds helper nodes where scale is inherited in an
-    unusual way. Bind poses are in world space, so skins name no mesh. Frames are the animation's keys if these are
-    evenly spaced, else at the file's frame rate, or at `fps`.
-
-    Raises:
-        MissingPackageError: the package ufbx is not installed.
-        FileError: the file is invalid, its reader stopped, `clip` is not in it, or is missing though it has several.
+    the animation named `clip` (`choose_animation`), at its keys if these are evenly spaced, else at the file's frame
+    rate, or at `fps`. Transforms are as FBX evaluates them, at the pivots of nodes. A MissingPackageError without the
+    package ufbx, a FileError if the file is invalid, its reader stopped, or has no such animation.
     """
     return _parsed(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation}, _scene)
 
@@ -70,9 +64,7 @@ def parse_fbx(
 def fbx_mesh(
     content: bytes, path: str | Path, with_looks: bool = False
 ) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """Return the nodes of an FBX file, their meshes and, with looks, normals, UVs, materials, and per material the name
-    of its image file, empty if the image is embedded or there is none; errors as in `parse_fbx`.
-    """
+    """Return the nodes of an FBX file, their meshes, and with looks materials and image files; errors as before."""
     return _parsed(content, path, {"with_mesh": True, "with_looks": with_looks}, _mesh)
 
 
@@ -184,9 +176,8 @@ def _scene(path: str | Path, read: Read) -> CharacterScene:
 
 
 def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10), in
-    which ufbx applies some rotations that FBX does not. A FileError if a number is not finite or too large, or a
-    quaternion is zero.
+    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10); a
+    FileError if a number is not finite or too large, or a quaternion is zero.
     """
     pivots, unapplied = read["pivots"], read["unapplied"][numbers]
     parent_pivots = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]

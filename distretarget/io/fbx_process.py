@@ -175,8 +175,8 @@ def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
 
 
 def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
-    """The triangulated mesh at a node, which is its only bone if it has no skin; None without a mesh. With looks, a
-    vertex per distinct (position, normal, UV), and materials; else these are zeros and -1.
+    """The triangulated mesh at a node, by default its only bone; None without. With looks, a vertex per distinct
+    corner.
     """
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):
@@ -353,9 +353,7 @@ def _follows_scale(node: ufbx.Node) -> bool:
 
 
 def _keys(stack: ufbx.AnimStack, limit: int) -> tuple[Array, set[int]]:
-    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves. Most curves have the same
-    key times, so curves of equal length are compared at `PROBES` keys only.
-    """
+    """Return the times of all keys, sorted [s], and the nodes that move; equal curves are known by `PROBES` keys."""
     times, seen = array("d"), set()
     count, moving = 0, set()
     for node, curve in _curves(stack):

@@ -135,9 +135,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
-    """Raise a FileError if `write_whole` could not write this file: it exists and `overwrite` is false, it is a
-    dangling link, or its folder is missing or not writable. Nothing is written.
-    """
+    """Raise a FileError if `write_whole` could not write this file; nothing is written."""
     check_path("path", path)
     try:
         place = Path(path).resolve()

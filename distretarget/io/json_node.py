@@ -37,9 +37,7 @@ def without_garbage_collection() -> Iterator[None]:
 
 
 def parse_json(path: str | Path, text: str) -> Node:
-    """Return the JSON value in a text; `path` is for errors. Numbers become floats: Python refuses integers of too many
-    digits.
-    """
+    """Return the JSON value in a text. Numbers become floats: Python refuses integers of too many digits."""
     try:
         with without_garbage_collection():
             return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=shared_float))

@@ -70,9 +70,7 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
 
 
 def suffix_of(target: TargetFile, kind: str | None = None) -> str:
-    """Return the suffix of results of a kind, such as "glb"; by default the target's if it is glTF, else .bvh. A
-    FileError if the target cannot be written in it.
-    """
+    """Return the suffix of results of a `kind`, by default the target's own; a FileError if it cannot be written."""
     suffix, own = f".{kind}" if kind else ".bvh", Path(target.path).suffix.lower()
     if kind is None and target.file is not None and target.file.kind == "glTF":
         suffix = own if own in OUTPUTS else ".glb"
@@ -226,9 +224,8 @@ def content_of(
 def as_written(
     motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
 ) -> Motion:
-    """Return a motion with the losses of a kind of file, to measure what was written: glTF rounds to single precision,
-    arrays to `precision`; a VRM animation has only the bones of a humanoid. BVH counts as exact, to 1e-8. `target` has
-    the character.
+    """Return a motion with the losses of a kind of file, to measure what was written: single precision in glTF,
+    `precision` in arrays, a humanoid's bones in a VRM animation. BVH counts as exact, to 1e-8.
     """
     match kind:
         case "BVH":
@@ -258,8 +255,7 @@ def with_animations(
     path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode, onto: InputFile | None = None
 ) -> Parts:
     """Return the content of a character's file with animations, in parts: JSON if `path` ends in .gltf, else a GLB.
-    Files of its buffers and images are embedded, unless a .gltf file is written to the character's folder. `onto` is
-    an earlier result at `path`, whose animations stay; a FileError if it has another character.
+    Other files are embedded, unless .gltf is written beside them. `onto` is an earlier result, whose animations stay.
     """
     assert target.file is not None
     file, folder, as_binary = target.file, Path(target.file.path).parent, Path(path).suffix.lower() != ".gltf"

@@ -152,9 +152,7 @@ class Underside:
         return BoundBalls(moving, linear, radii)
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
-        """The capsules of a joint's and its neighbours' segments that contain the joint or nearly do, the position of
-        the joint along the axis of each, 0 to 1, and the radius there [file units]; (capsules,) each.
-        """
+        """The capsules about a joint that nearly contain it, its position along each, 0 to 1, and the radius there."""
         skeleton, ends = self.body.skeleton, self._rest_ends
         bone = ends[:, 1] - ends[:, 0]
         off = skeleton.rest_positions[joint] - ends[:, 0]

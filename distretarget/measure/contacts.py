@@ -132,9 +132,7 @@ class Contacts:
 
 
 def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
-    """Find the contacts of a source, with its own distances in place of a result's until `in_result`. `feet_rest`,
-    (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
-    """
+    """Find the contacts of a source, with its own distances as a result's; `feet_rest` is (frames, foot joints)."""
     candidates, reach = find_candidates(matching), round(STRIDE / source.frame_time)
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
     u, v = (matching.drivers[joints] for joints in (candidates.u, candidates.v))
@@ -149,10 +147,8 @@ def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -
 
 @rig_cached
 def find_candidates(matching: Matching) -> Candidates:
-    """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree.
-
-    Only joints and End Sites with a driver count; of coinciding ones the first; of more than `MOST_POINTS` those on the
-    longest branches.
+    """Find the pairs of driven target joints that may touch: in regions that are not neighbours, and far apart on the
+    tree. Of coinciding joints the first counts; of more than `MOST_POINTS` those on the longest branches.
     """
     source, target = matching.source.skeleton, matching.target.skeleton
     drivers, regions = matching.drivers, matching.regions

@@ -34,11 +34,8 @@ def find_turned(copy: Motion, result: Motion, body: Body) -> Track:
 
 
 def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
-    """(frames - 1, joints), the step of each joint of a result relative to the copy, to the next frame, where it is a
-    pop [% of leg length in `INSTANT`]; else 0.
-
-    Joints outside the body, such as a root on the floor, do not pop, nor does any joint at a cut between `shots`,
-    (frames,), or where the source itself jumps.
+    """(frames - 1, joints), the step of each joint relative to the copy where it is a pop [% of leg length in
+    `INSTANT`]; else 0, as outside the body, at a cut between `shots`, (frames,), and where the source itself jumps.
     """
     pops, same_shot = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
     joints, scale = np.flatnonzero(body.regions.of_joint >= 0), 100 * INSTANT / (body.leg * result.frame_time)
@@ -61,11 +58,8 @@ def find_arm_deviation(
     copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison, free: Flags | bool = False
 ) -> Track:
     """The angles of upper arms to the rotation copy, or to the source's directions if larger, (frames, arms) [degrees].
-    They count while the arm has no need to turn: it touches nothing in the source, only feet rest there, and the copied
-    forearm and hand do not sink in.
-
-    `of_copy` and `of_result` are the measurements of the two. Arms may turn in frames that are `free`, (frames,), since
-    the user changed contacts there.
+    They count while the arm touches nothing in the source, only feet rest there, and the copied forearm and hand do not
+    sink in; and not in frames that are `free`, (frames,), where the user changed contacts.
     """
     sides = [side for side in SIDES if f"{side}UpperArm" in body.roles]
     joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
@@ -77,10 +71,9 @@ def find_arm_deviation(
 
 
 def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
-    """(frames - 2, joints), how much farther than in the rotation copy each joint of a result is from the midpoint of
-    the frames before and after [% of leg length]: the median over `LASTS`, since a single jump is no shaking. 0 for
-    joints outside the body and at a cut between `shots`, (frames,). For frame times above `INSTANT` it is scaled down,
-    as the distance of a smooth path from the midpoint grows with the square of the frame time.
+    """(frames - 2, joints), how much farther than in the copy each joint is from the midpoint of the frames around [%
+    of leg length]: the median over `LASTS`, since a single jump is no shaking. For frame times above `INSTANT` it is
+    scaled as the distance of a smooth path is; 0 outside the body and at a cut between `shots`, (frames,).
     """
     joints, off = np.flatnonzero(body.regions.of_joint >= 0), np.zeros((max(len(result) - 2, 0), len(result.skeleton)))
     for block in blocks_of(len(off)):

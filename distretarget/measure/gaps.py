@@ -106,9 +106,7 @@ def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scal
 def measure_gaps(
     bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
 ) -> Iterator[tuple[tuple[int, int], Gap | None]]:
-    """Measure the gaps between each two bodies, and between each body and each prop, with the numbers of the two.
-    `bodies` are given as their parts, `props` with scales of their own; bodies are counted before props.
-    """
+    """Measure the gaps between each two `bodies`, in parts, and each body and prop, with the numbers of both."""
     pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
     for (i, body), (k, (prop, own)) in product(enumerate(bodies), enumerate(props, len(bodies))):
         pairs.append(((i, k), body, [prop], own))
@@ -204,8 +202,8 @@ def _gaps(
     farthest: float,
     count: int = len(LIMBS),
 ) -> Array:
-    """(frames, count, segments), the gaps between the first `count` of `PARTS` of one performer and the segments of the
-    other, at most `farthest` [% of the mean height]; infinite for segments that the other does not have.
+    """(frames, count, segments), from the first `count` of `PARTS` of one to the other, at most `farthest` [% of mean
+    height].
     """
     solids = skins[other].solids.of_second_body(len(motions[one].skeleton))
     height = (skins[0].height + skins[1].height) / 2.0

@@ -49,9 +49,7 @@ class Track:
 
 
 def middle_thirds(counts: Numbers) -> Numbers:
-    """Return the counts, (frames, parts), in the middle third of each run of frames with counts above 0, at least one
-    frame; the others are 0.
-    """
+    """Return the counts, (frames, parts), in the middle third of each run of counts above 0; else 0."""
     within = np.zeros(counts.shape, np.intp)
     for part, column in enumerate(counts.T):
         for first, end in spans_of(column > 0):
@@ -92,30 +90,45 @@ class Limit:
 
 @dataclass(frozen=True, kw_only=True)
 class Metric:
-    """One metric. Texts call the two motions `{source}` and `{result}`; documents replace these by names."""
+    """One metric. Texts call the two motions `{source}` and `{result}`; documents replace these by names.
 
-    key: str  # its name in JSON, CSV and `--fail-over`, and that of its track
-    label: str  # its name in prose
-    meaning: str  # what it measures
-    unit: str = ""  # of the number in files and limits; empty for a plain number
-    missing: str = ""  # why a clip may have no value; empty if every clip has one
-    track: str = ""  # the key of its track, if that is another metric's
-    # Whether only the middle third of each touch, a run of measured frames, counts: the others show how early or late
-    # it begins and ends.
+    Attributes:
+        key: its name in JSON, CSV and `--fail-over`, and that of its track.
+        label: its name in prose.
+        meaning: what it measures.
+        unit: of the number in files and limits; empty for a plain number.
+        missing: why a clip may have no value; empty if every clip has one.
+        track: the key of its track, if that is another metric's.
+        middle_of_touches: whether only the middle third of each touch counts: the others show how early it begins.
+        reduction: how the track's values become the metric; "worst part" is the part with the largest mean.
+        judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
+        still: source values up to this are rounding errors; ratios are to at least this.
+        limit: the value above which a run has a warning; None for no limit.
+        compared_with_copy: whether a run has a remark if the rotation copy is better by more than `least`.
+        superseded_by: the key of the metric that is judged in place of this one, if it has a value.
+        factor: pages and the line of a run show the number times this.
+        decimals: of the number in the line of a run.
+        least: values up to this do not matter.
+        places: where it is shown: in the line of a run; in a report as a card, a curve, or with its worst frames; as a
+            column of the page over clips; among the worst frames that a diff prints.
+    """
+
+    key: str
+    label: str
+    meaning: str
+    unit: str = ""
+    missing: str = ""
+    track: str = ""
     middle_of_touches: bool = False
-    # How the track's values become the metric: the mean, the mean of the part whose mean is the largest, the largest
-    # (at least 0), the 99th percentile, or the number of frames in which any value is above 0.
     reduction: Literal["mean", "worst part", "largest", "percentile 99", "frames"] = "mean"
-    judged: Literal["value", "ratio"] = "value"  # what `--fail-over` limits: it, or over the source's
-    still: float = 0.0  # source values up to this are rounding errors; ratios are to at least this
-    limit: Limit | None = None  # the value above which a run has a warning
-    compared_with_copy: bool = False  # whether a run has a remark if the rotation copy is better by more than `least`
-    superseded_by: str = ""  # the key of the metric that is judged in its place, if that has a value
-    factor: float = 1.0  # pages and the line of a run show the number times this
-    decimals: int = 2  # of the number in the line of a run
-    least: float = 0.0  # values up to this do not matter
-    # Where it is shown besides the lists of all metrics: in the line of a run; in a report as a card, a curve, or with
-    # pictures of its worst frames; as a column of the page over clips; among the worst frames that a diff prints.
+    judged: Literal["value", "ratio"] = "value"
+    still: float = 0.0
+    limit: Limit | None = None
+    compared_with_copy: bool = False
+    superseded_by: str = ""
+    factor: float = 1.0
+    decimals: int = 2
+    least: float = 0.0
     places: tuple[Literal["line", "card", "curve", "worst frames", "page over clips", "diff"], ...] = ()
 
     @property
@@ -201,9 +214,7 @@ class Metric:
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, metrics: Metrics) -> bool:
-        """Whether the result is worse than the rotation copy by more than `least`, if that matters; false if either is
-        missing, or superseded.
-        """
+        """Whether the rotation copy is better by more than `least`, if that matters; false if superseded."""
         value, copy = self._judged(metrics), metrics.get("rotation_copy", {}).get(self.key)
         return self.compared_with_copy and value is not None and copy is not None and value > copy + self.least
 

@@ -43,8 +43,8 @@ class PartFrames:
     lengths: Array  # (parts,), of the axes [file units]
 
     def coordinates(self, segments: Numbers, points: Array) -> Array:
-        """Return the coordinates on their parts, (n, 3), of points, (n, 3), of segments, (n,), in the rest pose: along
-        the axis [its lengths], round it from the front [rad], and away from it [its lengths]; nan for no part.
+        """Return where points, (n, 3), of segments, (n,), in the rest pose are on their parts, (n, 3): along the axis
+        [its lengths], round it from the front [rad], away from it [its lengths]; nan for no part.
         """
         part = PART_OF[segments]
         if not len(points):
@@ -84,9 +84,7 @@ def find_part_frames(body: Body) -> PartFrames:
 
 
 def difference(source: Array, result: Array) -> Array:
-    """Return the distances of coordinates of a result, (n, 3), from those of its source, (n, 3), along and round the
-    part, in half widths of the result's part there, (n,).
-    """
+    """How far coordinates of a result are from its source's, (n, 3) each, along and round it [half widths], (n,)."""
     thick = np.maximum(result[:, 2], THINNEST)
     angle = np.abs(np.remainder(result[:, 1] - source[:, 1] + np.pi, 2.0 * np.pi) - np.pi)
     return np.asarray(np.hypot((result[:, 0] - source[:, 0]) / thick, angle))

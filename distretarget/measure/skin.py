@@ -53,9 +53,7 @@ class SkinPoints:
 
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
-    """Return the vertices of a mesh on `PARTS`, the first of those at one place; `segments`, (joints,), has the segment
-    that each joint carries, or -1.
-    """
+    """Return the vertices of a mesh on `PARTS`, one at each place; `segments`, (joints,), are those of joints."""
     joints, weights = strongest(mesh)
     triangles, of_vertex = welded(mesh), segments[joints[:, 0]]
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])

@@ -31,9 +31,7 @@ class Surface:
         return np.flatnonzero(np.isin(self.centres.carriers, [*joints]))
 
     def lowest(self, motion: Motion, joints: Iterable[int], up: Array) -> Array:
-        """(frames,), the height of the lowest point that some joints carry, along the unit vector `up`, (3,) [file
-        units]; infinite if they carry none.
-        """
+        """(frames,), the height of the lowest point on some joints along `up` [file units]; infinite without."""
         on = self.on(joints)
         some, radii = _without_triangles(self.centres, on), self.radii[on]
         return in_blocks(

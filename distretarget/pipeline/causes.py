@@ -51,9 +51,7 @@ class Causes:
     effort: Effort
 
     def of(self, metric: Metric, frame: int, part: str) -> str:
-        """Return the cause of a metric over its limit, in words; empty if none is found. `frame` and `part`, the key of
-        a joint or a name such as "left hand", are where it is over.
-        """
+        """Return the cause of a metric over its limit in a frame and a part, in words; empty if none is found."""
         if metric.key == "not_converged":
             return f"the solver stopped after {self.effort.iterations[frame]} steps"
         if metric.key in OF_ALIGNMENT:

@@ -80,11 +80,7 @@ class Match:
         return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
-        """Return the performer at a scale, without supports.
-
-        Raises:
-            MotionError: the root is to follow the source's root, and the source has none on the floor.
-        """
+        """Return the performer at a scale, without supports; a MotionError if there is no root to follow."""
         engine_root = find_engine_root(self.matching, scale, options.root_follows)
         clip = Clip.of(self.matching, scale)
         clip = replace(clip, by_skin=self.skins.target.can_touch) if self.skins else clip
@@ -171,8 +167,8 @@ def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, tr
 
 
 def _find_skins(matching: Matching, goal: Target, source_build: Build | None, transfer: Transfer) -> Skins | None:
-    """The skins of a source and its target; None if either has no capsules, or the target's thickness is neither known
-    nor to be an average one. A target that is the source's skeleton with other lengths has the source's build.
+    """The skins of source and target; None without capsules or a known thickness. A changed source has the source's
+    build.
     """
     builds, average = transfer.builds, transfer.options.skin == "average"
     build = builds.target or (builds.source if isinstance(transfer.target, SkeletonEdit) else None)
@@ -248,11 +244,8 @@ class Performer:
         return posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
-        """Return the result of the poses, with the paper's solved points if there are any. `posed` is its motion; by
-        default that of the poses with limbs bent by the performer's own skin.
-
-        Raises:
-            MotionError: a frame of the result is wrong; the message names joint and frame.
+        """Return the result of the poses, with the paper's points if any. `posed` is its motion; by default that of the
+        poses with limbs bent by the performer's own skin. A MotionError that names joint and frame if it is wrong.
         """
         self.clip.copy.clear_cache()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
@@ -306,10 +299,8 @@ def _lacks_channels(motion: Motion, joint: int) -> bool:
 
 
 def check_places(posed: Motion, clip: Clip) -> None:
-    """Check that a result has the frames of its source, with hips and ankles near those of the rotation copy.
-
-    Raises:
-        MotionError: it does not; the message names joint and frame.
+    """Check that a result has the frames of its source, with hips and ankles near those of the copy, else a
+    MotionError.
     """
     if len(posed) != len(clip):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
@@ -322,11 +313,7 @@ def check_places(posed: Motion, clip: Clip) -> None:
 
 
 def check_finite(motion: Motion) -> None:
-    """Check that all positions are finite, and within the bound for positions.
-
-    Raises:
-        MotionError: one is not; the message names joint and frame.
-    """
+    """Check that all positions are finite, and within the bound; a MotionError that names joint and frame if not."""
     if extent(motion.positions) <= LARGEST:
         return
     joints, farthest = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)
