@@ -13,7 +13,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -53,21 +53,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Contestant:
-    """A method of retargeting.
+    """A method of retargeting."""
 
-    Attributes:
-        name: in tables.
-        motion: returns the result for a case.
-        timer: returns, for a case, a function that runs it once and returns the processor time per frame [s].
-        missing: why it cannot be run here; empty if it can.
-        measures: whether a conversion also computes metrics.
-    """
-
-    name: str
-    motion: Callable[[Case], Motion]
-    timer: Callable[[Case], Callable[[], float]]
-    missing: str = ""
-    measures: bool = False
+    name: str  # in tables
+    motion: Callable[[Case], Motion]  # the result for a case
+    timer: Callable[[Case], Callable[[], float]]  # a run of a case that returns the processor time per frame [s]
+    missing: str = ""  # why it cannot be run here; empty if it can
+    measures: bool = False  # whether a conversion also computes metrics
 
 
 COPY = "copied rotations"
@@ -75,7 +67,12 @@ COPY = "copied rotations"
 
 def contestants() -> Iterator[Contestant]:
     """Yield all contestants, the project's own last."""
-    yield Contestant(COPY, lambda case: case.run.rotation_copy, _copy_timer)
+
+    def copy_timer(case: Case) -> Callable[[], float]:
+        run = case.of_frames(LONG).run
+        return lambda: _seconds(lambda: rotation_copy(run.matching, RootScale.even(run.root_scale))) / LONG
+
+    yield Contestant(COPY, lambda case: case.run.rotation_copy, copy_timer)
     yield _three()
     yield from _mink()
     yield _own("paper's objective", Options(objective="paper"))
@@ -89,11 +86,6 @@ def _own(name: str, options: Options) -> Contestant:
         return lambda: _seconds(lambda: retarget(long.source, long.target, options)) / LONG
 
     return Contestant(name, lambda case: retarget(case.source, case.target, options).motion, timer, measures=True)
-
-
-def _copy_timer(case: Case) -> Callable[[], float]:
-    run = case.of_frames(LONG).run
-    return lambda: _seconds(lambda: rotation_copy(run.matching, RootScale.even(run.root_scale))) / LONG
 
 
 def _three() -> Contestant:
@@ -111,8 +103,14 @@ def _mink() -> Iterator[Contestant]:
     absent = [name for name in NEEDS_MINK if importlib.util.find_spec(name) is None]
     missing = f"not installed: {', '.join(absent)}" if absent else ""
     known = "mink" if missing else f"mink {version('mink')}"
+
+    def timer(kind: str, case: Case) -> Callable[[], float]:
+        peer = _peer(kind, case.of_frames(SHORT))
+        return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
+
     for what, kind in (("hands and feet", "ScaledGoals"), ("GMR's recipe", "Gmr")):
-        yield Contestant(f"{known}, {what}", _by_mink(kind), _mink_timer(kind), missing)
+        motion = partial(lambda kind, case: _peer(kind, case).motion(STEPS), kind)
+        yield Contestant(f"{known}, {what}", motion, partial(timer, kind), missing)
 
 
 def _peer(kind: str, case: Case) -> ScaledGoals:
@@ -122,22 +120,8 @@ def _peer(kind: str, case: Case) -> ScaledGoals:
     return getattr(inverse_kinematics, kind)(case.run)
 
 
-def _by_mink(kind: str) -> Callable[[Case], Motion]:
-    return lambda case: _peer(kind, case).motion(STEPS)
-
-
-def _mink_timer(kind: str) -> Callable[[Case], Callable[[], float]]:
-    def timer(case: Case) -> Callable[[], float]:
-        peer = _peer(kind, case.of_frames(SHORT))
-        return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
-
-    return timer
-
-
 def files_timer(case: Case, measures: bool) -> Callable[[], float]:
-    """Return a function that reads a clip and writes a result, as BVH and by the project, computes metrics if
-    `measures`, and returns the processor time per frame [s].
-    """
+    """Return a run that reads a clip, writes a result, maybe measures it, and returns processor time per frame [s]."""
     run = case.of_frames(LONG).run
 
     def timed() -> float:

@@ -36,9 +36,7 @@ def sample() -> Motion:
 
 
 def through(seed: int) -> None:
-    """Use the file of a seed as a target, onto which the sample is retargeted, written and read again; and as a motion,
-    which is written as BVH and read again. A DistretargetError of either is raised at the end.
-    """
+    """Use the file of a seed as a target, and as a motion; raise a DistretargetError of either at the end."""
     sample()
     suffix, content = mutated(seed)
     with tempfile.TemporaryDirectory() as folder:

@@ -106,22 +106,15 @@ def pairs(clips: Sequence[Path]) -> Iterator[Task]:
 
 
 def own_body(frames: int, clip: Path, member: str) -> tuple[float, str] | None:
-    """Retarget a clip, or the motion of a member after it, to its own body; return the largest error [% of the body's
-    height] and the name; None if it is refused.
-    """
+    """Retarget a clip, or that of a member, to its own body; the largest error [% of height], and name; or None."""
     try:
         motion = retargeted(frames, clip, "", member).motion if member else read_bvh(clip)[:frames]
-        return _deviation(retarget(motion, motion)), f"{clip_name(clip)}{f' of {member}' if member else ''}"
+        result = retarget(motion, motion)
     except DistretargetError:
         return None
-
-
-def _deviation(result: RetargetResult) -> float:
-    """The largest distance of a joint of the body from the source's [% of the body's height]."""
     body = result.matching.target
-    joints = body.regions.of_joint >= 0
-    away = np.linalg.norm(result.motion.positions - result.source.positions, axis=-1)[:, joints]
-    return float(100 * away.max() / body.height)
+    away = np.linalg.norm(result.motion.positions - result.source.positions, axis=-1)[:, body.regions.of_joint >= 0]
+    return float(100 * away.max() / body.height), f"{clip_name(clip)}{f' of {member}' if member else ''}"
 
 
 # ---- tables

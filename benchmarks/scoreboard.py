@@ -175,9 +175,7 @@ def _of_motion(reference: Reference, run: RetargetResult, of_copy: Comparison, m
 
 
 def direction_error(run: RetargetResult, motion: Motion) -> float:
-    """Mean angle between the directions of upper arms, forearms, thighs and shins, from joint to joint, in a motion and
-    in the source [degrees]; nan without such limbs.
-    """
+    """Mean angle of upper arms, forearms, thighs and shins to the source's [degrees]; nan without such limbs."""
     roles, drivers = run.matching.target.roles, run.drivers
     ends = np.array([[roles[end] for end in limb] for limb in LIMBS if all(end in roles for end in limb)]).reshape(
         -1, 2
@@ -194,9 +192,7 @@ def direction_error(run: RetargetResult, motion: Motion) -> float:
 
 
 def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) -> dict[str, dict[str, float]]:
-    """Frames per second of each contestant on one thread, without and with files: medians over bodies and rounds, in
-    which the contestants run in turn.
-    """
+    """Frames per second of each contestant on one thread, without and with files: medians over bodies and rounds."""
     cases = [Case(sampling.clip(clip), load_target(body)) for body in bodies]
     present = [who for who in contestants() if not who.missing]
     timers = [[(who.timer(case), files_timer(case, who.measures)) for who in present] for case in cases]
@@ -279,9 +275,7 @@ def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping
 
 
 def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """The mean share of skin inside each body over the clips, for the copy and the project's own contestants, which are
-    the last; for the very last also the largest.
-    """
+    """The mean share of skin inside each body, for copy and own contestants; for the last also the largest."""
 
     def inside(body: str, name: str) -> list[float]:
         return [row.metrics["inside"] for row in rows if (row.body, row.contestant) == (body, name)]

@@ -87,9 +87,7 @@ class Gaps:
 
 
 def gap_to(solid: Solid, points: Array, hand: Array) -> float:
-    """The least distance of a hand's points, (n, 3), from the surface of a solid, with the skin's points at `points`;
-    if some are inside, minus the depth of the deepest [file units].
-    """
+    """The distance of a hand's points, (n, 3), from a solid, or minus the depth of the deepest [file units]."""
     within = solid.contains(points, hand)
     if within.any():
         return -float(solid.distances(points, hand[within]).max())
@@ -97,12 +95,8 @@ def gap_to(solid: Solid, points: Array, hand: Array) -> float:
 
 
 def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
-    """The gaps in a run's source, (frames, pairs), 0 where skins overlap [% of height].
-
-    Args:
-        gaps: those of the average adult.
-        run: of the source onto the average adult.
-        frames: the frames to measure.
+    """The gaps in a run's source, (frames, pairs), 0 where skins overlap [% of height]; the run is onto the average
+    adult.
     """
     skin = gaps.skin
     places, turns = source_places(run, frames)
@@ -111,9 +105,7 @@ def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
 
 
 def source_places(run: RetargetResult, frames: Numbers) -> tuple[Array, Array]:
-    """Positions, (frames, joints, 3), and world rotations, (frames, joints, 4), of the average adult's joints in the
-    source's posture, as defined above in this module.
-    """
+    """Positions and world rotations of the average adult's joints in the source's posture, as said above."""
     anatomy, legs = run.matching.target.anatomy, run.matching.target.legs
     assert anatomy is not None
     assert legs is not None
@@ -150,8 +142,6 @@ def near(of_source: Array) -> NDArray[np.bool_]:
 
 
 def gap_error(gaps: Array, of_source: Array) -> float:
-    """The mean error of gaps, (frames, pairs), against the source's in contacts of the source [% of height]; nan if
-    there are none.
-    """
+    """The mean error of gaps in contacts of the source, (frames, pairs) [% of height]; nan without."""
     contact = near(of_source)
     return float(np.abs(gaps - of_source)[contact].mean()) if contact.any() else np.nan

@@ -36,29 +36,17 @@ OFF = 0.01  # tolerance between the joints of skin and skeleton in the bind pose
 
 @dataclass(frozen=True, eq=False)
 class Skin:
-    """The mesh of a character in its bind pose, aligned with the rest pose of its skeleton.
+    """The mesh of a character in its bind pose, aligned with the rest pose of its skeleton."""
 
-    Attributes:
-        skeleton: the joints that move it.
-        points: (points, 3) [file units].
-        weights: (points, joints), skin weights.
-        triangles: (triangles, 3), counter-clockwise from outside.
-        parts: (points,), the part of the body that each point belongs to, a number of `PARTS`.
-    """
-
-    skeleton: Skeleton
-    points: Array
-    weights: csr_array
-    triangles: Numbers
-    parts: Numbers
+    skeleton: Skeleton  # the joints that move it
+    points: Array  # (points, 3) [file units]
+    weights: csr_array  # (points, joints), skin weights
+    triangles: Numbers  # (triangles, 3), counter-clockwise from outside
+    parts: Numbers  # (points,), the part of the body that each point belongs to, a number of `PARTS`
 
     @classmethod
     def read(cls, path: Path, skeleton: Skeleton) -> Skin:
-        """The skin in a glTF, GLB or VRM file, for the skeleton of the character or a copy of it with its names.
-
-        Raises:
-            ValueError: the joints of the file's bind pose are not those of the skeleton.
-        """
+        """The skin in a character's file, for its skeleton; a ValueError if its joints are not of the bind pose."""
         document, buffer = load(path)
         pieces = list(_pieces(document, buffer, skeleton))
         starts = np.cumsum([0, *(len(piece.points) for piece in pieces)])
@@ -104,12 +92,7 @@ class Skin:
         return np.isin(self.parts, wanted)
 
     def posed(self, positions: Array, rotations: Array) -> Array:
-        """The points in one frame by linear blend skinning, (points, 3).
-
-        Args:
-            positions: (joints, 3), of the joints of the skeleton.
-            rotations: (joints, 4), of these in the world since the bind pose.
-        """
+        """The points in a frame by linear blend skinning, (points, 3), from positions and rotations of the joints."""
         matrices = Rotation.from_quat(rotations).as_matrix()
         shifts = positions - np.einsum("jab,jb->ja", matrices, self.skeleton.rest_positions)
         blended = (self.weights @ matrices.reshape(-1, 9)).reshape(-1, 3, 3)
@@ -195,9 +178,7 @@ def _similarity(places: Array, wanted: Array) -> tuple[Rotation, float, Array]:
 
 
 def capped(triangles: Numbers, points: int) -> tuple[Numbers, list[Numbers]]:
-    """Close the holes of a mesh: triangles that fan out from a new point in each, numbered from `points` on, and the
-    points about each hole, whose mean the new one is.
-    """
+    """Close the holes of a mesh: triangles from a new point in each, numbered from `points` on, and holes' points."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     keys = edges[:, 0] * points + edges[:, 1]
     rim = edges[~np.isin(keys, edges[:, 1] * points + edges[:, 0])]

@@ -40,10 +40,8 @@ def _package() -> Path:
 
 @dataclass(frozen=True, eq=False)
 class ThreeJs:
-    """The clip of a run, retargeted by three.js with the run's pairs of joints and its scale of the root's path.
-
-    Source and target have the same axes already, and the target's bones have no rotations in the bind pose, so that
-    `localOffsets` are not needed. three.js copies rotations, so rest poses should agree.
+    """The clip of a run, retargeted by three.js with the run's pairs and scale. `localOffsets` are not needed, as axes
+    agree.
     """
 
     run: RetargetResult

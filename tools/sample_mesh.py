@@ -21,17 +21,11 @@ STEP = 1e-4  # of finite differences [cm]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The surface of a body.
+    """The surface of a body."""
 
-    Attributes:
-        points: (points, 3).
-        normals: (points, 3), unit vectors outwards.
-        triangles: (triangles, 3), counter-clockwise from outside.
-    """
-
-    points: Array
-    normals: Array
-    triangles: NDArray[np.intp]
+    points: Array  # (points, 3)
+    normals: Array  # (points, 3), unit vectors outwards
+    triangles: NDArray[np.intp]  # (triangles, 3), counter-clockwise from outside
 
 
 # ---- bodies
@@ -174,9 +168,8 @@ def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
 
 
 def weights(points: Array, starts: Array, ends: Array, blend: float, sides: Array) -> tuple[NDArray[np.intp], Array]:
-    """The joints that move each point and their weights, (points, 4) each: the nearest bone, and bones that are farther
-    by less than `blend`. `sides`, (joints,), is 1 for joints that move points with x > 0 only, -1 for the other side,
-    and 0 for those in the middle.
+    """The joints that move each point and their weights, (points, 4): the nearest bone, and others within `blend`.
+    `sides`, (joints,), is 1 for joints of points with x > 0, -1 for x < 0, and 0 for the middle.
     """
     distances = np.stack([_to_line(points, start, end) for start, end in zip(starts, ends, strict=True)], axis=1)
     distances = distances + 3.0 * np.maximum(0.35 * blend - sides * points[:, :1], 0.0) * (sides != 0)
