@@ -171,7 +171,8 @@ class Batch:
         except DistretargetError as error:
             self._finish(Result({**record, "error": str(error)}), show)
             return
-        yield replace(job, about=self.pages.about_at_once(clip))
+        at_once = self.pages.index and self.pages.reports is None  # all clips get a report
+        yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)) if at_once else None)
 
     def _report_jobs(self, records: Sequence[BatchRecord]) -> Iterator[Job]:
         """The jobs of clips that still need a report on their present output."""
@@ -277,8 +278,15 @@ def convert_folder(
         SettingsError: an argument has the wrong type, or is out of bounds.
     """
     check_kind("recipe", recipe, Recipe)
-    _check_words(include, exclude, formats)
-    _check_numbers(jobs, reports, time_limit)
+    for name, words in (("include", include), ("exclude", exclude), ("formats", formats)):
+        check_kind(name, words, Sequence)
+    for each in formats:
+        check_choice("formats", each, OUTPUT_FORMATS)
+    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
+        check_kind(name, number, int, NoneType)
+        check_number(name, least if number is None else number, least, sys.maxsize)
+    if time_limit is not None:
+        check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
     found, unread = find_clips(paths, (), include, exclude, arrays=skeleton is not None)
@@ -306,21 +314,6 @@ def convert_folder(
     with closing(Processes(jobs or cores())) as workers:
         batch.convert(workers, tally)
     return tally
-
-
-def _check_words(include: Sequence[str], exclude: Sequence[str], formats: Sequence[str]) -> None:
-    for name, words in (("include", include), ("exclude", exclude), ("formats", formats)):
-        check_kind(name, words, Sequence)
-    for each in formats:
-        check_choice("formats", each, OUTPUT_FORMATS)
-
-
-def _check_numbers(jobs: int | None, reports: int | None, time_limit: float | None) -> None:
-    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
-        check_kind(name, number, int, NoneType)
-        check_number(name, least if number is None else number, least, sys.maxsize)
-    if time_limit is not None:
-        check_number("time_limit", time_limit, *TIME_LIMITS)
 
 
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:

@@ -156,7 +156,9 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
         if SCENE_NAME in files:
             folders.clear()
             continue
-        folders[:] = [name for name in folders if name[0] != "." and not _leads_back(Path(inside, name), folder)]
+        above = [Path(inside), *Path(inside).parents, *folder.resolve().parents]  # links to these are left out
+        below = [Path(inside, name) for name in folders if name[0] != "."]
+        folders[:] = [each.name for each in below if not (each.is_symlink() and any(map(each.samefile, above)))]
         for path in (Path(inside, name) for name in files if name[0] != "."):
             is_clip = path.suffix.lower() in suffixes
             try:
@@ -169,11 +171,6 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
                 yield path.relative_to(folder)
             elif is_clip:
                 unread.append(FileError(path, "is not a regular file"))
-
-
-def _leads_back(path: Path, folder: Path) -> bool:
-    """Whether a path below a folder is a link to one of its ancestors, inside or above that folder."""
-    return path.is_symlink() and any(path.samefile(each) for each in (*path.parents, *folder.resolve().parents))
 
 
 def _result(place: PurePath) -> PurePath:

@@ -241,8 +241,9 @@ class Cluster:
     def finished(self) -> Iterator[tuple[Job, Result]]:
         """Wait until a clip is finished, and yield finished jobs with results; a BatchError if the cluster is gone."""
         done, _ = wait(self._running, CHECK_INTERVAL, FIRST_COMPLETED)
-        if not done:
-            self._remind()
+        if not done and not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
+            self._next_reminder = time.monotonic() + REMINDER  # it may get new ones
+            self._waiting("the Dask cluster has no workers")
         for future in done:
             job = self._running.pop(future)
             try:
@@ -252,12 +253,6 @@ class Cluster:
             except Exception as error:  # of the cluster, for this clip only
                 result = job.failed(f"{job.source.path}: {type(error).__name__}: {error}")
             yield job, result
-
-    def _remind(self) -> None:
-        """Report, at most once per `REMINDER`, that the cluster has no workers; it may get new ones."""
-        if not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
-            self._next_reminder = time.monotonic() + REMINDER
-            self._waiting("the Dask cluster has no workers")
 
     def close(self) -> None:
         """Disconnect from the cluster; unfinished jobs are dropped."""

@@ -90,12 +90,8 @@ def check_suffix(path: Path | None, suffix: str) -> None:
         raise FileError(path, f"the output is {kind}, so its name has to end in {suffix}, such as {str(better)!r}")
 
 
-def is_quiet() -> bool:
-    """Whether the running command has the option --quiet."""
-    return _is_set(QUIET)
-
-
-def _is_set(key: str) -> bool:
+def is_quiet(key: str = QUIET) -> bool:
+    """Whether the running command has the option --quiet, or another key in its `meta`."""
     context = click.get_current_context(silent=True)
     return context is not None and bool(context.meta.get(key))
 
@@ -103,7 +99,7 @@ def _is_set(key: str) -> bool:
 def say(*lines: str, err: bool = False) -> None:
     """Print lines, unless --quiet is given."""
     if not is_quiet():
-        _print(lines, err or _is_set(OUTPUT_TAKEN))
+        _print(lines, err or is_quiet(OUTPUT_TAKEN))
 
 
 def complain(*lines: str) -> None:

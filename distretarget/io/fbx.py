@@ -207,7 +207,11 @@ def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
         return skins
     posed = np.zeros((len(nodes), 4, 4))
     posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
-    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["is_bone"]))
+    is_bone, top = read["is_bone"], np.full(len(nodes) + 1, -1)  # the topmost bone of each tree
+    for node, parent in enumerate(nodes.parents.tolist()):
+        top[node] = node if is_bone[node] and top[parent] < 0 else top[parent]
+    trees = [np.flatnonzero(is_bone & (top[:-1] == highest)) for highest in np.unique(top[:-1][is_bone])]
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in trees)
 
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:
@@ -227,14 +231,6 @@ def _inverse(matrix: Array) -> Array:
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     regular = (sizes > SMALLEST).all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
     return np.asarray(np.linalg.inv(matrix) if regular else np.zeros((4, 4)), np.float64)
-
-
-def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """The bones of each tree, which have the same topmost bone. Parents come before children."""
-    top = np.full(len(parents) + 1, -1)
-    for node, parent in enumerate(parents.tolist()):
-        top[node] = node if bones[node] and top[parent] < 0 else top[parent]
-    return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
 
 
 def _animation(path: str | Path, nodes: Nodes, read: Read) -> Animation:

@@ -331,7 +331,12 @@ def _sampled(
     keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if it has several
     stated = scene.settings.frames_per_second
     rate = fps or own_rate(keys, stated if SLOWEST <= stated <= FASTEST else None)
-    chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
+    chosen = []
+    for index, node in enumerate(nodes):
+        parent = _held(node.parent)  # the scale of another node may move this one
+        follows_scale = node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
+        if node.typed_id in moving or follows_scale:
+            chosen.append(index)
     frames = frame_count(keys, rate)
     if not frames * len(chosen) <= limit:
         raise FileError("", f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
@@ -344,12 +349,6 @@ def _sampled(
         if not (np.abs(samples[frame]) <= LARGEST).all():
             raise FileError("", f"has a node at a place, angle or scale that is not finite, or beyond {LARGEST:g}")
     return {"moving": np.array(chosen, np.int64), "frames": samples, "step": 1.0 / rate}
-
-
-def _follows_scale(node: ufbx.Node) -> bool:
-    """Return whether the scale of another node moves this one: it is a scale helper, or its parent has one."""
-    parent = _held(node.parent)
-    return node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
 
 
 def _keys(stack: ufbx.AnimStack, limit: int) -> tuple[Array, set[int]]:

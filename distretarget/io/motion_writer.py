@@ -21,7 +21,7 @@ from distretarget.io.arrays import Arrays, Precision, npz
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, read_bytes, write_whole
 from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS, OutputKind, format_of_name
-from distretarget.io.gltf import Gltf, inside
+from distretarget.io.gltf import inside
 from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, Source, load_file
@@ -266,25 +266,14 @@ def with_animations(
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
     try:
-        plain = _as_gltf(target)
+        assert isinstance(target.target, CharacterTarget)
+        plain = target.target.mesh.as_gltf[0] if file.kind == "FBX" else file.gltf
         if onto is None:
             return animated(plain, animations, mode, as_binary, None if stays or file.kind == "FBX" else embedded)
-        if not _shows_same(onto.gltf, plain):
+        a, b = gltf_nodes(onto.gltf), gltf_nodes(plain)
+        if a.names != b.names or not np.allclose(a.transforms, b.transforms):
             raise FileError(onto.path, f"is no result on {str(target.path)!r}, and is not added to; give another name")
         own = len(plain.entries("animations")) if mode == "add" else 0
         return animated(onto.gltf, animations, "add", as_binary, own=own)
     except RecursionError:
         raise FileError(target.path, "is nested too deeply") from None
-
-
-def _as_gltf(target: TargetFile) -> Gltf:
-    """A character's file as glTF."""
-    assert target.file is not None
-    assert isinstance(target.target, CharacterTarget)
-    return target.target.mesh.as_gltf[0] if target.file.kind == "FBX" else target.file.gltf
-
-
-def _shows_same(one: Gltf, other: Gltf) -> bool:
-    """Whether two files have nodes of the same names and world transforms."""
-    a, b = gltf_nodes(one), gltf_nodes(other)
-    return a.names == b.names and np.allclose(a.transforms, b.transforms)

@@ -77,7 +77,7 @@ class Underside:
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite without vertices."""
-        skin = self._cached(self._skin_of_foot, ankle)
+        skin = self._of_vertices(self.foot(ankle))
         return _lowest(motion, [skin], up)[0] if skin else np.full(len(motion), np.inf)
 
     def has_heel(self, ankle: int, sole: Sole) -> bool:
@@ -118,9 +118,6 @@ class Underside:
             return self.mesh.vertices[on], np.zeros(len(on))
         of_foot = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
         return self._rest_ends[of_foot], self.capsules.radii[of_foot]
-
-    def _skin_of_foot(self, ankle: int) -> BoundBalls | None:
-        return self._of_vertices(self.foot(ankle))
 
     def _of_vertices(self, on: Numbers) -> BoundBalls | None:
         """Vertices of the mesh as balls; None without any."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +48,7 @@ class Candidates:
     limits: Array  # (pairs of joints,), the D in the source below which they touch
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RegionContact:
+class RegionContact(NamedTuple):
     """The contacts between two regions over a clip, and how well the result keeps them."""
 
     name: str  # of the two regions, such as "left hand - right hand"
@@ -116,18 +116,10 @@ class Contacts:
         found = []
         for k in np.unique(self.regions).tolist():
             rows = np.flatnonzero(self.regions == k)
-            worst = rows[self.error[rows].argmax()]
-            touch = RegionContact(
-                name=self.candidates.names[k],
-                frames=self.frame[rows],
-                distance_source=float(self.distance_source[rows].mean()),
-                distance_result=float(self.distance_result[rows].mean()),
-                error=float(self.error[rows].mean()),
-                worst_frame=int(self.frame[worst]),
-                u=int(self.u[worst]),
-                v=int(self.v[worst]),
-            )
-            found.append(touch)
+            worst, distances = rows[self.error[rows].argmax()], (self.distance_source, self.distance_result, self.error)
+            source, result, error = (float(each[rows].mean()) for each in distances)
+            nearest = int(self.frame[worst]), int(self.u[worst]), int(self.v[worst])
+            found.append(RegionContact(self.candidates.names[k], self.frame[rows], source, result, error, *nearest))
         return tuple(found)
 
 

@@ -64,8 +64,9 @@ def find_arm_deviation(
     sides = [side for side in SIDES if f"{side}UpperArm" in body.roles]
     joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
     keys = result.skeleton.keys_of(joints)
-    off = [_direction_errors(of_result, key) for key in keys]
-    angles = [np.maximum(_angles(copy, result, joint), each) for joint, each in zip(joints, off, strict=True)]
+    off = of_result.tracks["direction_error"]
+    errors = [off.values[:, np.array(off.parts) == key].max(axis=1, initial=0.0) for key in keys]
+    angles = [np.maximum(_angles(copy, result, joint), each) for joint, each in zip(joints, errors, strict=True)]
     counts = _columns([~_may_turn(of_copy, side, result.frame_time, free) for side in sides], len(result)) > 0
     return Track(_columns(angles, len(result)), counts, keys)
 
@@ -78,7 +79,8 @@ def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Arra
     joints, off = np.flatnonzero(body.regions.of_joint >= 0), np.zeros((max(len(result) - 2, 0), len(result.skeleton)))
     for block in blocks_of(len(off)):
         frames = slice(block.start, block.stop + 2)
-        result_off, copy_off = (_off_midpoint(motion.positions_in(frames)[:, joints]) for motion in (result, copy))
+        paths = (motion.positions_in(frames)[:, joints] for motion in (result, copy))
+        result_off, copy_off = (lengths(x[1:-1] - 0.5 * (x[:-2] + x[2:])) for x in paths)
         off[block, joints] = np.maximum(result_off - copy_off, 0.0)
     cuts = np.diff(shots) != 0
     off[cuts[:-1] | cuts[1:]] = 0.0
@@ -87,11 +89,6 @@ def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Arra
     for joint in joints:  # one by one, for which scipy has a faster filter
         off[:, joint] = percent * median_filter(off[:, joint], span, mode="nearest")
     return off
-
-
-def _off_midpoint(paths: Array) -> Array:
-    """(frames - 2, n), the distances of paths, (frames, n, 3), from the midpoint of the frames before and after."""
-    return lengths(paths[1:-1] - 0.5 * (paths[:-2] + paths[2:]))
 
 
 def _columns(values: list[Array] | list[Flags], frames: int) -> Array:
@@ -103,12 +100,6 @@ def _angles(copy: Motion, result: Motion, joint: int) -> Array:
     """(frames,), the angles between the world rotations of a joint [degrees]."""
     cosine = np.abs((copy.world_rotations_of(joint) * result.world_rotations_of(joint)).sum(axis=1))
     return np.asarray(np.degrees(2.0 * np.arccos(np.minimum(cosine, 1.0))))
-
-
-def _direction_errors(of_result: Comparison, key: str) -> Array:
-    """(frames,), the largest direction error of the bones below a joint [degrees]."""
-    off = of_result.tracks["direction_error"]
-    return np.asarray(off.values[:, np.array(off.parts) == key].max(axis=1, initial=0.0))
 
 
 def _may_turn(of_copy: Comparison, side: str, frame_time: float, free: Flags | bool) -> Flags:

@@ -228,14 +228,11 @@ class Metric:
         return "-" if value is None else f"{self.factor * value:.{self.decimals}f}"
 
 
-def _metric(key: str, entry: dict[str, Any]) -> Metric:
-    """The metric of an entry of the registry."""
-    limit = Limit(**entry.pop("limit")) if "limit" in entry else None
-    return Metric(key=key, limit=limit, places=tuple(entry.pop("places", ())), **entry)
-
-
 _REGISTRY = tomllib.loads(files(__package__).joinpath("metrics.toml").read_text("utf-8"))
-METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the most telling first
+METRICS = tuple(  # the most telling first
+    Metric(**{"key": key, **entry, "limit": Limit(**entry["limit"]) if "limit" in entry else None})
+    for key, entry in _REGISTRY.items()
+)
 BY_KEY = {metric.key: metric for metric in METRICS}
 # The metrics of all sides in one list, by these names: `jerk_source`, `jerk_copy`, `jerk`.
 COLUMNS: dict[str, tuple[Variant, Metric]] = {

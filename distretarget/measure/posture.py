@@ -74,8 +74,9 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
                 add(key, joints[1], sides, measured)
 
     bodies = matching.source, matching.target
-    trunks = [_trunk_ends(body) for body in bodies]
-    if all(trunks) and all(body.up_at_rest for body in bodies):
+    pairs = [[body.anatomy.pair(part) for part in ("UpperLeg", "UpperArm")] if body.anatomy else [] for body in bodies]
+    trunks = [[joint for pair in each for joint in pair] for each in pairs]
+    if all(each and all(each) for each in pairs) and all(body.up_at_rest for body in bodies):
         add("trunk_tilt", trunks[1][0], (partial(_trunk, *each) for each in zip(bodies, trunks, strict=True)))
     heads = [body.roles["head"] for body in bodies if "head" in body.roles]
     if len(heads) == len(bodies):
@@ -101,12 +102,6 @@ def errors_of(directions: Sequence[KeptDirection], result: Motion) -> Track:
     """The errors of directions in a result, (frames, directions) [degrees]."""
     errors = np.reshape([each.error(result) for each in directions], (len(directions), len(result))).T
     return Track(errors, np.isfinite(errors), result.skeleton.keys_of(each.joint for each in directions))
-
-
-def _trunk_ends(body: Body) -> list[int]:
-    """The joints of both hips and both shoulders; none where one is not known."""
-    ends = [body.anatomy.pair(part) for part in ("UpperLeg", "UpperArm")] if body.anatomy else [[]]
-    return [joint for pair in ends for joint in pair] if all(ends) else []
 
 
 def _trunk(body: Body, ends: Sequence[int], motion: Motion) -> Array:

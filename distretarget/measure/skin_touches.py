@@ -160,7 +160,8 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
     differ.
     """
     both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
-    sampled = _every(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
+    all_frames, step = np.arange(len(source)), max(round(1.0 / (RATE * source.frame_time)), 1)
+    sampled = np.union1d(all_frames[::step], all_frames[-1:])
     if not both.any():
         return SourceSkin(target, sampled, np.zeros((3, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
     hanging = _hanging(source, body)
@@ -216,11 +217,6 @@ def _touch(
     segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
     limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
     return -of_place.max(axis=1, initial=-np.inf), skin.frames.coordinates(segment, places[frame, limb, segment])
-
-
-def _every(frames: Numbers, step: float) -> Numbers:
-    """Frames at a distance of `step`, rounded, and the last."""
-    return np.union1d(frames[:: max(round(step), 1)], frames[-1:])
 
 
 def _around_changes(sampled: Numbers, touches: Numbers) -> Numbers:

@@ -249,7 +249,9 @@ class Performer:
         """
         self.clip.copy.clear_cache()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
-        posed = self._as_channels_allow(posed)
+        if self._lacks_channels(posed):  # take the closest motion
+            moved = replace(self.clip.copy, root_positions=posed.root_positions)
+            posed = fit_rotations(moved, posed.positions, np.arange(1, len(posed.skeleton)), self.clip.roots)
         placed = along_channels(self.engine_root.placed(posed), self.match.matching.body_joints)
         motion = self.match.in_file(placed)
         check_finite(motion)
@@ -266,13 +268,13 @@ class Performer:
             drops=self.clip.drops,
         )
 
-    def _as_channels_allow(self, posed: Motion) -> Motion:
-        """The motion, or the closest one for joints with fewer than three rotation channels."""
-        joints = range(len(posed.skeleton))
-        if not any(_lacks_channels(posed, joint) for joint in joints):
-            return posed
-        moved = replace(self.clip.copy, root_positions=posed.root_positions)
-        return fit_rotations(moved, posed.positions, np.array(joints[1:]), self.clip.roots)
+    def _lacks_channels(self, posed: Motion) -> bool:
+        """Whether a joint may need rotations for which it has too few channels."""
+        skeleton, turns = posed.skeleton, np.abs(posed.rotations[..., :3]).max(axis=(0, 2), initial=0.0)
+        axes = [len(skeleton.rotation_axes(joint)) for joint in range(len(skeleton))]
+        inner = [bool(each) for each in skeleton.children]
+        each = zip(axes, inner, turns, strict=True)
+        return any(0 < own < 3 or (not own and carries and turn > LEAST_TURN) for own, carries, turn in each)
 
 
 @lru_cache(maxsize=4)
@@ -288,14 +290,6 @@ def _check(source: Motion, target: Skeleton) -> None:
     for body, name in ((source.skeleton, "source"), (target, "target")):
         if not body.lengths.max() >= SMALLEST:
             raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all below {SMALLEST:g}")
-
-
-def _lacks_channels(motion: Motion, joint: int) -> bool:
-    """Whether a joint may need rotations for which it has too few channels."""
-    axes = motion.skeleton.rotation_axes(joint)
-    if axes or not motion.skeleton.children[joint]:
-        return 0 < len(axes) < 3
-    return bool(np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > LEAST_TURN)
 
 
 def check_places(posed: Motion, clip: Clip) -> None:

@@ -305,12 +305,11 @@ class RetargetResult:
         """
         lost_turn = (*self._lost_turn(),)
         odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides())
-        return (*odd, *(() if lost_turn else self._consequences()), *self.unmet)
-
-    def _consequences(self) -> Iterator[Remark]:
+        if lost_turn:
+            return (*odd, *self.unmet)
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
-        yield from limit_warnings(self.metrics, self.tracks, causes.of)
-        yield from self._missed_places(causes)
+        over = limit_warnings(self.metrics, self.tracks, causes.of)
+        return (*odd, *over, *self._missed_places(causes), *self.unmet)
 
     def _lost_path(self) -> Iterator[Remark]:
         travels = len(self.source) > 0 and np.ptp(self.source.root_positions, axis=0).any()
