@@ -8,8 +8,14 @@ from bodies import HERO, SAMPLES, UP, matched, person, posed
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
-from distretarget.measure.supports import NEAR, find_feet, height_errors
-from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
+from distretarget.measure.supports import (
+    NEAR,
+    find_feet,
+    find_surface,
+    height_errors,
+    surface_of_capsules,
+    surface_of_mesh,
+)
 from distretarget.skin.capsules import Capsules
 
 

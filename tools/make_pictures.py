@@ -147,9 +147,7 @@ def draw_handover(path: Path) -> None:
     grip = walk.positions[:, walk.skeleton.index("LeftWrist")]
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(walk), 3, 1))
     stick = Prop(
-        name="stick",
-        motion=Motion(skeleton, grip, upright, walk.frame_time_text),
-        held_by=(Grip(0, "LeftWrist"),),
+        name="stick", motion=Motion(skeleton, grip, upright, walk.frame_time_text), held_by=(Grip(0, "LeftWrist"),)
     )
     taken = Plant(plant="right hand", on="stick", frames=HELD)
     columns: dict[str, list[Motion]] = {}

@@ -90,10 +90,7 @@ LONGEST_PATH = 40_000  # more than any system allows [characters]
     help="Write a single file to -o, .glb, .gltf or .vrm: TARGET with each result as an animation.",
 )
 @click.option(
-    "--jobs",
-    type=click.IntRange(1),
-    metavar="N",
-    help="The number of processes. Default: one for each available core.",
+    "--jobs", type=click.IntRange(1), metavar="N", help="The number of processes. Default: one for each available core."
 )
 @click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
 @click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")

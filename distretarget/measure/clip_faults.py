@@ -174,10 +174,7 @@ def _of_steps(motion: Motion, body: Body, joints: Numbers, shots: Shots) -> Find
     cosine = np.abs((rotations[1:] * rotations[:-1]).sum(axis=-1))
     turns = 2.0 * np.arccos(np.minimum(cosine, 1.0))  # against the parents [rad]
     far, inside = max(FAR, FAST * motion.frame_time), np.diff(shots) == 0
-    return {
-        "jumps": _sudden(steps, far, inside, joints, body),
-        "flips": _sudden(turns, TURN, inside, joints, body),
-    }
+    return {"jumps": _sudden(steps, far, inside, joints, body), "flips": _sudden(turns, TURN, inside, joints, body)}
 
 
 def _sudden(steps: Array, far: float, inside: Flags, joints: Numbers, body: Body) -> Finding:

@@ -19,8 +19,7 @@ from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.posture import errors_of, find_posture
 from distretarget.measure.skin import Skin, find_skin
 from distretarget.measure.skin_touches import find_source_skin
-from distretarget.measure.supports import find_feet, find_supports
-from distretarget.measure.surface import Surface
+from distretarget.measure.supports import Surface, find_feet, find_supports
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import angles_to_bones, thirds_along, turns_along, write_directions
 from distretarget.numerics.parallel import in_blocks

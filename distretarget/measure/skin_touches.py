@@ -16,8 +16,7 @@ from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
 from distretarget.contact_entries import DroppedContact
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.part_frames import PART_OF, difference
-from distretarget.measure.skin import OWN_ARM, Skin, are_parts
+from distretarget.measure.skin import OWN_ARM, PART_OF, Skin, are_parts, difference
 from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations

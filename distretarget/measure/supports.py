@@ -8,8 +8,9 @@ the mean height of the source's sole over a rest to the source's floor, if these
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -20,14 +21,16 @@ from distretarget.body.segments import find_segments
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.surface import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.moving import largest
+from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.time_series import run_means
 from distretarget.numerics.vectors import Array, Flags, Numbers, lengths, level
-from distretarget.skin.capsules import SEGMENTS
+from distretarget.skeleton import Skeleton
+from distretarget.skin.capsules import SEGMENTS, Capsules
+from distretarget.skin.mesh import SkinnedMesh, outermost
 
 SLOW = 0.35  # a joint that rests on the floor is slower than this [leg lengths / s] ...
 LOW_FOOT = 0.06  # ... and if it is a foot's, within this [leg lengths] of its lowest heights,
@@ -45,6 +48,62 @@ BETWEEN = 0.5  # the body takes about this long from its feet to other supports 
 ENDS = ("left hand", "right hand", "head")  # the regions that may hold on to something
 BASES = ("trunk", "hips")  # the regions where their limbs begin
 TRUNK = ("chest", "belly", "pelvis")  # segments that rest as one
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface as balls on the joints of a skeleton; those of a mesh are its vertices and have no radius."""
+
+    centres: SkinnedMesh  # the centres of the balls as vertices, without triangles
+    radii: Array  # (balls,) [file units]
+    rest: Array  # (joints, 3), the positions of the joints in the rest pose [file units]
+    of_mesh: bool
+
+    def on(self, joints: Iterable[int]) -> Numbers:
+        """The numbers of the balls that some joints carry."""
+        return np.flatnonzero(np.isin(self.centres.carriers, [*joints]))
+
+    def lowest(self, motion: Motion, joints: Iterable[int], up: Array) -> Array:
+        """(frames,), the height of the lowest point on some joints along `up` [file units]; infinite without."""
+        on = self.on(joints)
+        some, radii = _without_triangles(self.centres, on), self.radii[on]
+        return in_blocks(
+            lambda block: (some.heights(motion[block], up) - radii).min(axis=1, initial=np.inf), len(motion)
+        )
+
+    def below_sole(self, sole: Sole) -> float:
+        """The thickness of a flat foot below its lowest joint [file units]; 0 for a foot without skin."""
+        on = self.on(sole.joints.tolist())
+        if not len(on):
+            return 0.0
+        joints = self.rest[sole.joints] @ sole.normal
+        return float(joints.min() - (self.centres.vertices[on] @ sole.normal - self.radii[on]).min())
+
+
+def _without_triangles(mesh: SkinnedMesh, on: Numbers) -> SkinnedMesh:
+    """Some vertices of a mesh."""
+    return SkinnedMesh(mesh.vertices[on], mesh.joints[on], mesh.weights[on], mesh.triangles[:0])
+
+
+def find_surface(skeleton: Skeleton, capsules: Capsules, mesh: SkinnedMesh | None) -> Surface:
+    """Return the surface of a body: of its mesh, else of its capsules."""
+    return surface_of_capsules(capsules, skeleton) if mesh is None else surface_of_mesh(mesh, skeleton)
+
+
+@lru_cache(maxsize=4)
+def surface_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton) -> Surface:
+    """Return the surface of a mesh: of the vertices that one joint carries, those that can be the outermost."""
+    groups = [np.flatnonzero(mesh.carriers == joint) for joint in np.unique(mesh.carriers)]
+    on = np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
+    return Surface(_without_triangles(mesh, on), np.zeros(len(on)), skeleton.rest_positions, of_mesh=True)
+
+
+def surface_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Surface:
+    """Return the surface of capsules: the lowest point of each is that of one of its ends."""
+    joints, rest = np.repeat(capsules.joints, 2)[:, None], skeleton.rest_positions
+    centres = (capsules.ends + rest[capsules.joints, None]).reshape(-1, 3)
+    balls = SkinnedMesh(centres, joints, np.ones(joints.shape), np.zeros((0, 3), np.intp))
+    return Surface(balls, capsules.radii.ravel(), rest, of_mesh=False)
 
 
 def foot_joints(legs: Sequence[Leg]) -> Numbers:
@@ -212,7 +271,9 @@ class SupportsMeasured:
         for part, skin in self._skins(result):
             on = np.flatnonzero([each == part for each in self.parts])
             rests = self.on_floor[:, on] & np.isfinite(skin)[:, None]
-            off[:, on] = np.where(rests, _lesser_error(off[:, on], (skin - self.lowest_source)[:, None]), off[:, on])
+            joint, of_skin = off[:, on], (skin - self.lowest_source)[:, None]
+            lesser = np.where(np.abs(joint) < np.abs(of_skin), joint, of_skin)  # 0 between, as one is too high
+            off[:, on] = np.where(rests, np.where(joint * of_skin > 0.0, lesser, 0.0), joint)
             lowest = np.where(rests.any(axis=1), np.minimum(lowest, skin), lowest)
         return replace(self, skate=skate, height=100.0 * np.abs(off), lowest=lowest)
 
@@ -253,12 +314,6 @@ def find_supports(
         surface=known,
         thickness=thickness,
     )
-
-
-def _lesser_error(joint: Array, skin: Array) -> Array:
-    """The lesser of the height errors of joint and skin; 0 where one is too high and the other too low."""
-    nearer = np.where(np.abs(joint) < np.abs(skin), joint, skin)
-    return np.asarray(np.where(joint * skin > 0.0, nearer, 0.0))
 
 
 def _parts(body: Body, joints: list[int]) -> tuple[tuple[int, ...], ...]:

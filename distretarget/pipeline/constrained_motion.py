@@ -23,7 +23,7 @@ from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.body_skin import BodySkin, limbs_of
+from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.constraint_reach import LimbReach, with_looks
 from distretarget.objectives.constraint_springs import correction, eased_gap, joint_offset, with_constraints, with_gaps
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
@@ -88,7 +88,11 @@ def constrained_result(
     """
     poses, bound = unconstrained.poses, constrain(free, constraints)
     if free.match.skins and any(constraint.anchors for constraint in constraints.made):
-        constraints = with_settled_anchors(bound, unconstrained.motion, constraints, free.match.skins.target)
+        made, motion = constraints.made, unconstrained.motion
+        for _ in range(ANCHOR_ROUNDS):  # until distances between anchors give skins the wanted gaps
+            motion = _reached(bound, motion, made)
+            made = with_gaps(made, motion, free.match.skins.target)
+        constraints = replace(made, every=(*constraints.drops, *made))
         bound = constrain(free, constraints)
     made = constraints.made
     solved = _solved(bound, poses, mapper)
@@ -108,19 +112,14 @@ def constrained_result(
     return replace(bound.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(bound, made, posed)))
 
 
-def with_settled_anchors(performer: Performer, motion: Motion, constraints: Constraints, skin: BodySkin) -> Constraints:
-    """Return constraints with the distances between anchors at which skins have the wanted gaps."""
-    made = constraints.made
-    for _ in range(ANCHOR_ROUNDS):
-        motion = _reached(performer, motion, made)
-        made = with_gaps(made, motion, skin)
-    return replace(made, every=(*constraints.drops, *made))
-
-
 def _solved(performer: Performer, poses: Poses, mapper: Mapper) -> Poses:
     """The poses of a performer with constraints; their change from `poses` is averaged over time."""
     solved = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper)
-    return replace(solved, v=poses.v + _steady(performer, solved.v - poses.v))
+    held = held_parts(performer.clip, performer.supports, performer.settings)  # what rests is not averaged
+    held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
+    change = solved.v - poses.v
+    change = held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
+    return replace(solved, v=poses.v + change)
 
 
 def _with_arms(motion: Motion, free: Motion, apart: Motion, made: Constraints, performer: Performer) -> Motion:
@@ -134,13 +133,6 @@ def _with_arms(motion: Motion, free: Motion, apart: Motion, made: Constraints, p
     rotations = np.array(motion.rotations)
     rotations[:, arms] = (apart if arms_meet else free).rotations[:, arms]
     return replace(motion, rotations=rotations)
-
-
-def _steady(performer: Performer, change: Array) -> Array:
-    """A change of poses, (frames, parts + 1, 3), averaged over time for parts above nothing that rests."""
-    held = held_parts(performer.clip, performer.supports, performer.settings)
-    held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
-    return held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
 
 
 def blended_supports(free: Supports, bound: Supports, share: Array) -> Supports:
