@@ -31,9 +31,7 @@ SKIN = (0.8, 0.6, 0.5)  # its colour
 
 @dataclass(frozen=True)
 class Build:
-    """A body: macro levels such as "female", "old" and "max", weights of files below `targets/`, and factors of
-    Mixamo's parts.
-    """
+    """A body: macro levels such as "old", weights of files below `targets/`, and factors of Mixamo's parts."""
 
     gender: str = "male"
     age: str = "young"

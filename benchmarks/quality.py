@@ -49,9 +49,7 @@ Task = tuple[Path, str, str]
 
 @dataclass(frozen=True)
 class Run:
-    """A clip on a body: frames; joints of the body, without End Sites; solver iterations over all frames; metrics of
-    the whole clip, of source, rotation copy and result.
-    """
+    """A clip on a body: frames; joints without End Sites; solver iterations; metrics of source, copy and result."""
 
     name: str
     frames: int

@@ -95,9 +95,7 @@ def gap_to(solid: Solid, points: Array, hand: Array) -> float:
 
 
 def source_gaps(gaps: Gaps, run: RetargetResult, frames: Numbers) -> Array:
-    """The gaps in a run's source, (frames, pairs), 0 where skins overlap [% of height]; the run is onto the average
-    adult.
-    """
+    """The gaps in the source of a run onto the average adult, (frames, pairs), 0 where skins overlap [% of height]."""
     skin = gaps.skin
     places, turns = source_places(run, frames)
     rows = [gaps.of_frame(skin.posed(*frame)) for frame in zip(places, turns, strict=True)]

@@ -40,9 +40,7 @@ def _package() -> Path:
 
 @dataclass(frozen=True, eq=False)
 class ThreeJs:
-    """The clip of a run, retargeted by three.js with the run's pairs and scale. `localOffsets` are not needed, as axes
-    agree.
-    """
+    """The clip of a run by three.js, with the run's pairs and scale; axes agree, so it needs no `localOffsets`."""
 
     run: RetargetResult
 

@@ -62,9 +62,7 @@ VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter"
 
 @dataclass(frozen=True)
 class Cell:
-    """A stick figure: points, (joints, 3), Y up, from an origin on the floor, `ground`, (3,); in body heights, as
-    `size`.
-    """
+    """A stick figure: points, (joints, 3), Y up, from an origin on the floor, `ground`, (3,) [body heights]."""
 
     skeleton: Skeleton
     points: Array
@@ -75,9 +73,7 @@ class Cell:
 def cells(
     motion: Motion, frames: Sequence[int], size: float, up: Array | None = None, floor: float | None = None
 ) -> list[Cell]:
-    """Frames as figures, each moved to the origin; on the spot, as a whole. Lengths are divided by `size`; `up` is
-    turned to Y.
-    """
+    """Frames as figures, each moved to the origin, on the spot as a whole; lengths over `size`, `up` turned to Y."""
     turn, _ = Rotation.align_vectors([0.0, 1.0, 0.0], axis_vector(motion.skeleton.up or "Y") if up is None else up)
     points = motion.positions @ turn.as_matrix().T / size
     points[..., 1] -= points[..., 1].min() if floor is None else floor / size

@@ -207,7 +207,7 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str, dpi: 
     write_picture(path, [scene], [""], [list(columns)], VIEWS[view], dpi)
 
 
-HAND, OTHER, HELD = "left hand", "right hand", (100, 150)
+HAND, HELD = "left hand", (100, 150)
 MIDDLE = 125  # of `HELD`
 PICTURES: dict[str, Callable[[Path], None]] = {
     "clap_long_arms.png": draw_clap,

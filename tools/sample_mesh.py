@@ -92,9 +92,7 @@ def both_sides(body: Body) -> Body:
 
 
 def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface:
-    """The surface of a body within a box, by surface nets: a point in each cell of a grid that it crosses, moved onto
-    it (Gibson 1998, https://doi.org/10.1007/BFb0056277).
-    """
+    """The surface of a body within a box, by surface nets (Gibson 1998, https://doi.org/10.1007/BFb0056277)."""
     low = np.asarray(low, float)
     counts = np.ceil((np.asarray(high, float) - low) / cell).astype(int) + 1
     corners = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)

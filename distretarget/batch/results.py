@@ -58,9 +58,7 @@ class Database:
     """The database in a folder of results, in which the newest record of a clip is the valid one."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
-        """Open the database of a folder; unless `read_only`, make both. A FileError if the file is no database of a
-        batch.
-        """
+        """Open a folder's database; unless `read_only`, make both. A FileError if the file is no batch's database."""
         self.path, self._run = folder / DATABASE, secrets.token_hex(4)
         if not read_only:
             make_folder(folder)
@@ -156,9 +154,7 @@ class Database:
             raise FileError(self.path, REASONS[sqlite3.SQLITE_CORRUPT]) from error
 
     def add(self, record: BatchRecord, there: Collection[str | None] = ()) -> None:
-        """Add the record of a clip and delete its earlier ones, except of results that still exist, by hashes in
-        `there`.
-        """
+        """Add the record of a clip and delete its earlier ones, but those of results that still exist, by `there`."""
         parts = packed(record)
         with self.transaction():
             self._do("PRAGMA user_version = 0")
@@ -245,8 +241,8 @@ class Results:
         self.database.add(record, {hash_of_file(self.folder / name) for name in outputs} - {None})
 
     def put(self, record: BatchRecord, contents: Mapping[str, Parts]) -> BatchRecord:
-        """Write the results of a clip by path, the first last, and return its record; a FileError leaves the first
-        unchanged.
+        """Write the results of a clip by path, the first last; return its record. A FileError leaves the first as it
+        was.
         """
         first, *others = contents
         hashes = {name: hash_of(*parts) for name, parts in contents.items()}

@@ -206,9 +206,7 @@ class Cluster:
     """A Dask cluster, whose scheduler moves jobs of dead workers to others."""
 
     def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
-        """Connect to a scheduler; a BatchError if none answers, or without workers. `waiting` is told if all leave
-        later.
-        """
+        """Connect to a scheduler; a BatchError if none answers or it has no workers. `waiting` hears if all leave."""
         import asyncio  # here, since it is slow to import
 
         try:

@@ -191,9 +191,7 @@ def _spread(spaces: Array, most: int = 16) -> Array:
 
 
 def character_of(scene: CharacterScene) -> Character:
-    """Return the character of a file, without controls if it has deform bones; errors as `joint_nodes`, or
-    SkeletonError.
-    """
+    """Return the character of a file, without controls if it has deform bones; a FileError or SkeletonError."""
     scene, flat = _without_flat_scales(scene)
     above, joints, left_out = joint_nodes(scene)
     line = [*above, *joints]
@@ -251,9 +249,7 @@ def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence
 
 
 def _bind_transforms(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
-    """(nodes, 4, 4), in the bind pose, with the scales of the file; nodes without one, or near it, have their pose
-    there.
-    """
+    """(nodes, 4, 4), in the bind pose, with the file's scales; nodes without one, or near it, are posed as there."""
     world = np.empty((len(shown), 4, 4))
     for node, (parent, bind) in enumerate(zip(shown.parents.tolist(), binds, strict=True)):
         base = world[parent] if parent >= 0 else np.eye(4)

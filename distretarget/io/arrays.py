@@ -112,9 +112,7 @@ def _checked(path: str | Path, read: Callable[[], Any]) -> Any:
 
 
 def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
-    """Return an npz file's content; arrays of float64 have a `precision`, single numbers not. Equal arrays make equal
-    files.
-    """
+    """Return an npz file's content, with arrays of float64 in a `precision`. Equal arrays make equal files."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
         for name, values in arrays.items():

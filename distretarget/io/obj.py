@@ -22,9 +22,7 @@ MOST_POINTS = 100  # vertices of a prop that become joints, spread evenly
 
 
 def parse_obj(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
-    """Return the vertices and the triangles, (n, 3) each, in the text of an OBJ file; larger faces become fans. A
-    BvhError if a line is not valid or there is no vertex.
-    """
+    """Return vertices and triangles, (n, 3) each, of an OBJ text; faces become fans. A BvhError if it is not valid."""
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for number, line in enumerate(text.splitlines(), start=1):

@@ -69,9 +69,7 @@ class Matching:
 
     @cached_property
     def rig(self) -> Matching | None:
-        """The same matching without motions and soles' normals, one object for all clips; None if rest poses do not
-        stand.
-        """
+        """The matching without motions and soles' normals, one for all clips; None if rest poses do not stand."""
         source, target = self.source.rig, self.target.rig
         if source is None or target is None:
             return None

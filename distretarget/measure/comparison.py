@@ -182,9 +182,7 @@ def expected_directions(source: Motion, matching: Matching) -> Expected:
 
 @cached_by_soles
 def _turned_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
-    """For the `shared_bones`, the two source joints that turn each, -1 for none, their blend weight, and the bone in
-    their axes.
-    """
+    """For `shared_bones`, two source joints that turn each, -1 for none, their blend, and the bone in their axes."""
     lower, skeleton, alignment = shared_bones(matching), matching.target.skeleton, rest_alignment(matching)
     upper, bones = skeleton.parents[lower], skeleton.offsets[lower]
     turned = np.isin(upper, _built_differently(matching))

@@ -192,7 +192,7 @@ def _gaps(
     farthest: float,
     count: int = len(LIMBS),
 ) -> Array:
-    """(frames, count, segments), from the first `count` of `PARTS` of one to the other, at most `farthest` [% of mean
+    """(frames, count, segments), gaps of the first `count` of `PARTS` to the other, at most `farthest` [% of mean
     height].
     """
     solids = skins[other].solids.of_second_body(len(motions[one].skeleton))

@@ -85,9 +85,7 @@ class SourceSkin:
     coordinates: Array  # (touches, 3), the place on the segment, as `PartFrames.coordinates`
 
     def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
-        """Return it without touches that a user drops, of hands with their forearms; `of_joint` are the target's
-        segments.
-        """
+        """Return it without touches that a user drops, of hands with forearms; `of_joint` has the target's segments."""
         sample, limb, segment = self.touches
         is_left = np.ones(len(self.gaps), bool)
         for drop in drops:
@@ -155,9 +153,7 @@ class SourceSkin:
 
 
 def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> SourceSkin:
-    """Find the touches in a source, sampled about `RATE` times a second, and in all frames between two samples that
-    differ.
-    """
+    """Find the touches in a source, `RATE` times a second, and in all frames between two samples that differ."""
     both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
     all_frames, step = np.arange(len(source)), max(round(1.0 / (RATE * source.frame_time)), 1)
     sampled = np.union1d(all_frames[::step], all_frames[-1:])
@@ -208,9 +204,7 @@ def _passing(
 def _touch(
     skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers
 ) -> tuple[Array, Array]:
-    """The gaps of limbs, or of their hands if less, to places of segments, (n,) [file units], and where they are
-    nearest, (n, 3).
-    """
+    """The gaps of limbs, or their hands, to segments' places, (n,) [file units], and where they are nearest, (n, 3)."""
     of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
     of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
     segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
@@ -302,9 +296,7 @@ def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
 
 
 def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
-    """Whether a hand hangs beside the body or swings past it, and whether its forearm is beside the trunk, (frames,)
-    each.
-    """
+    """Whether a hand hangs or swings beside the body, and whether its forearm is beside the trunk, (frames,) each."""
     positions, hangs = motion.positions, _hangs(body, motion.positions, arm)
     if not _hips(body) or len(body.arms) < 2:
         return hangs, hangs

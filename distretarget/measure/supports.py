@@ -193,9 +193,7 @@ class SourceFeet:
         }
 
     def _lowest_errors(self, sole: Array, supports: SupportsMeasured) -> Track:
-        """(frames,), the error of the lowest height of soles and skin on which other joints rest, while any do in the
-        source.
-        """
+        """(frames,), the error of the lowest height of soles and resting skin, while anything rests in the source."""
         on_skin = np.isfinite(supports.lowest)
         joints = np.where(supports.on_floor & on_skin[:, None], supports.height_source, np.inf)
         of_source = np.hstack([self.paths.sole, joints]).min(axis=1, initial=np.inf)

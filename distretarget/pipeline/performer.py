@@ -167,9 +167,7 @@ def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, tr
 
 
 def _find_skins(matching: Matching, goal: Target, source_build: Build | None, transfer: Transfer) -> Skins | None:
-    """The skins of source and target; None without capsules or a known thickness. A changed source has the source's
-    build.
-    """
+    """Skins of source and target; None without capsules or thickness. A changed source has the source's build."""
     builds, average = transfer.builds, transfer.options.skin == "average"
     build = builds.target or (builds.source if isinstance(transfer.target, SkeletonEdit) else None)
     if not (average or build or goal.is_measured):
@@ -293,9 +291,7 @@ def _check(source: Motion, target: Skeleton) -> None:
 
 
 def check_places(posed: Motion, clip: Clip) -> None:
-    """Check that a result has the frames of its source, with hips and ankles near those of the copy, else a
-    MotionError.
-    """
+    """Raise a MotionError unless a result has its source's frames, and hips and ankles near those of the copy."""
     if len(posed) != len(clip):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
     joints = np.array([clip.pelvis, *(pair.target.ankle for pair in clip.legs)])

@@ -81,9 +81,7 @@ def run_motions(result: RetargetResult, meshes: Meshes) -> dict[str, object]:
 
 
 def run_axes(result: RetargetResult) -> list[dict[str, object] | None]:
-    """Return for each joint the axes for anchors (`AnchoredSkin.axes_at`) in the player's rest pose, and the part; or
-    None.
-    """
+    """Return each joint's axes for anchors (`AnchoredSkin.axes_at`) in the player's rest pose, and part; or None."""
     body, turn, unit = result.matching.target, to_y_up(result.world.up_vector), _units(result.matching)[1]
     skin = AnchoredSkin.of(body, result.skins.target.capsules if result.skins else None)
     found = list[dict[str, object] | None]()

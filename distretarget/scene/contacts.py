@@ -98,9 +98,7 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring per joint, at the equilibrium of its pairs, which draw it to `places` with A = w (k I + (1 - k) e
-        e^T).
-        """
+        """One spring per joint at the equilibrium of its pairs, which draw to `places`, A = w (k I + (1 - k) e e^T)."""
         touches = np.bincount(joints) > 0
         drawn, column = np.flatnonzero(touches), np.cumsum(touches) - 1
         cell = self.frames * len(drawn) + column[joints]
@@ -320,9 +318,7 @@ def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedP
 
 
 def joint_compliance(one: Performer) -> Array:
-    """(frames, joints), [target file units]: that of the trunk plus, if it does not rest, the limb's length up to the
-    joint.
-    """
+    """(frames, joints) [target file units]: the trunk's, plus the limb's length up to the joint unless it rests."""
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
     limbs = [[*takewhile(lambda each: not trunk[each], skeleton.to_root(joint))] for joint in range(len(skeleton))]

@@ -243,9 +243,7 @@ class Prop:
 
 
 def prop_of(motion: Motion, joint: str) -> Motion:
-    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own; a
-    SkeletonError if there is no such joint.
-    """
+    """Return the motion of a joint and all below it, such as a sword in a hand; a SkeletonError without the joint."""
     check_kind("motion", motion, Motion)
     skeleton = motion.skeleton
     root = skeleton.index(joint)

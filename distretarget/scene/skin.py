@@ -163,9 +163,7 @@ class Bodies:
         return posed
 
     def _proxies(self, shape: PropShape, motion: Motion, centres: Array) -> Array:
-        """(frames, balls, 2, 3), the proxy balls of a prop for the balls of limbs, out of reach where the prop is far
-        off.
-        """
+        """(frames, balls, 2, 3), proxy balls of a prop for balls of limbs; out of reach where the prop is far off."""
         far = DRAWN_WITHIN + self.balls.radii.max(initial=0.0)
         feet, out = nearest_places(shape.surface, motion, self.unit * centres, self.unit * far)
         places = feet / self.unit - shape.radius * out

@@ -79,9 +79,7 @@ class Core:
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
     def distance_to_clear(self, other: Core, along: Array, overlap: float, ahead: float = 0.5) -> Array:
-        """(frames,), how far to move along unit vectors, (frames, 3), until no balls `ahead` overlap by more than
-        `overlap`.
-        """
+        """(frames,), how far to move along unit vectors, (frames, 3), until balls `ahead` overlap by `overlap`."""
         distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
         write_exit_distances(centres, radii, others, other_radii, along, overlap, ahead, distances)
@@ -213,9 +211,7 @@ def solve_scene(
     mapper: Mapper,
     progress: Callable[[int], object],
 ) -> SolvedScene:
-    """Solve a scene with the user's entries and the colliding surface of each performer; a ContactsError as in
-    `Constraints.of`.
-    """
+    """Solve a scene with the user's entries and each performer's colliding surface; errors as in `Constraints.of`."""
 
     def constraints_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Constraints]:
         others = _carriers(performers, motions, props, places)
