@@ -14,8 +14,7 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import markdown_option
-from edits import TARGETS, edited
+from clips import TARGETS, edited, markdown_option
 from tables import publish, several, table
 
 from distretarget import Motion, read_bvh, retarget, retarget_scene

@@ -23,8 +23,7 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
-from edits import TARGETS, edited
+from clips import CLIPS, SAMPLE_CLIPS, TARGETS, corpus_argument, edited, found, markdown_option
 from numpy.typing import NDArray
 from runs import in_processes
 from scipy.spatial.transform import Rotation

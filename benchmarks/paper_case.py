@@ -11,8 +11,7 @@ from fractions import Fraction
 from functools import cache, cached_property
 
 import numpy as np
-from clips import SAMPLES
-from edits import ARMS, LEGS, edited
+from clips import ARMS, LEGS, SAMPLES, edited
 from scipy.optimize import minimize
 from skeleton_edits import only
 
@@ -29,7 +28,7 @@ METRES = 0.01  # per unit of the sample clips, which are in centimetres
 POSTURE = 61  # the frame of the walk used as the paper's walking posture: both feet down, legs far apart
 
 GROUPS = {"arms": ARMS, "legs": LEGS, "spine": ("trunk",), "arms, legs, spine": (*ARMS, *LEGS, "trunk")}
-"""The parts of the body, by the names in `edits`, that the edits change together."""
+"""The parts of the body, by the names in `clips`, that the edits change together."""
 PERCENT = (-30, 60)
 
 

@@ -30,8 +30,7 @@ from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
 from runs import alone, in_processes
-from skin_measures import PAIRS, Gaps, Sinking, gap_error, near, source_gaps
-from skins import Skin
+from skins import PAIRS, Gaps, Sinking, Skin, gap_error, near, source_gaps
 from tables import publish, several, table
 
 from distretarget import Motion, RetargetResult, load_target, read_motion

@@ -2,7 +2,7 @@
 
     python benchmarks/speed.py CORPUS [--rounds 7] [--markdown PAGE]
 
-CMU 12_01 of CORPUS goes to H of `edits.py`. Runs that are compared alternate, and the tables have medians over the
+CMU 12_01 of CORPUS goes to H of `clips.py`. Runs that are compared alternate, and the tables have medians over the
 rounds, with the least and the largest: processor time on one thread, but for the two cores and the first run, which are
 timed by the clock. The scoreboard has the speed of `retarget` and of other ways. Needs the extra `bench`, and a system
 that counts processor time and memory of processes.
@@ -27,8 +27,7 @@ from timeit import Timer
 import click
 import numpy as np
 import pybvh
-from clips import HERO, LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
-from edits import TARGETS, edited
+from clips import HERO, LONG, SAMPLES, TARGETS, back_and_forth, corpus_argument, edited, markdown_option
 from runs import alone, alternating
 from tables import publish, table
 

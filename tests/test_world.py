@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import HERO, SAMPLES, in_world, moved, onto, person, posed, short_walk, spun
-from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
+from zoo import CONVENTIONS, rig
 
 from distretarget import Body, Options, diff, load_target, read_bvh, retarget
 from distretarget.baseline.world import World, find_root_offset, with_root_offset

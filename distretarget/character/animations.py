@@ -54,7 +54,7 @@ def frame_times(keys: Array, rate: float) -> Array:
 
 
 def own_rate(keys: Array, stated: float | None = None) -> float:
-    """Return the slowest rate from `LEAST_RATE` whose frames include all keys, else that `stated`, or a usual one."""
+    """Return the slowest rate, at least `LEAST_RATE`, whose frames have all keys, else the `stated` or a usual one."""
     steps = np.diff(keys)
     steps = steps[steps > SAME_KEY]
     if not len(steps):

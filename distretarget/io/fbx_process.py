@@ -175,7 +175,7 @@ def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
 
 
 def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
-    """The triangulated mesh at a node, by default its only bone; None without. Looks: a vertex per distinct corner."""
+    """The triangulated mesh at a node, by default its only bone; or None. With looks, a vertex per distinct corner."""
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):
         return None

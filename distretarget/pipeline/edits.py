@@ -120,7 +120,7 @@ def _other_side(role: str) -> str:
 
 
 def _left(skeleton: Skeleton, roles: Mapping[str, int]) -> Array:
-    """(3,), the unit vector to the left of a body in its rest pose, by its paired joints; a MotionError without."""
+    """(3,), the unit vector to the left of a body in its rest pose, by paired joints; a MotionError without these."""
     rest, across = skeleton.rest_positions, np.zeros(3)
     for role, joint in roles.items():
         if role.startswith(SIDES[0]) and _other_side(role) in roles:
@@ -212,7 +212,7 @@ class Edits:
         return motions
 
     def of_values(self, values_at: Callable[[Array], Array], frames: int, frame_time: float) -> Array:
-        """Return values, (frames, n), along an edited motion; `values_at` gives those at a clip's times, (frames,)."""
+        """Values, (frames, n), along an edited motion; `values_at` gives those at times of the clip, (frames,) [s]."""
         first = 0 if self.start is None else _first_frame(_seconds("start", self.start, frame_time), frame_time)
         values = values_at(frame_time * (first + self.speed * np.arange(frames, dtype=float)))
         if not self.loop:

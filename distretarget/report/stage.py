@@ -329,7 +329,7 @@ def _rows(actor: Actor) -> list[Row]:
 
 
 def actors_of(file: InputFile, side: int = 0, clip: str | None = None) -> list[Actor]:
-    """Return the actors of a file, on sides from `side` on: of its motion, its animations, or that called `clip`."""
+    """Return the actors of a file, on sides from `side` on: of its motion, animations or `clip`, or at rest."""
     name, motions = Path(file.path).name, [*_motions(file, clip)]
     first = shown_actor(name, side, parse_full_target(file), motions[0][1] if motions else None)
     if len(motions) < 2:

@@ -98,7 +98,7 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring per joint at the equilibrium of its pairs, which draw to `places`, A = w (k I + (1 - k) e e^T)."""
+        """One spring per joint at the equilibrium of its pairs, that draw it to `places`: A = w (kI + (1 - k)ee^T)."""
         touches = np.bincount(joints) > 0
         drawn, column = np.flatnonzero(touches), np.cumsum(touches) - 1
         cell = self.frames * len(drawn) + column[joints]
