@@ -31,14 +31,7 @@ SKIN = (0.8, 0.6, 0.5)  # its colour
 
 @dataclass(frozen=True)
 class Build:
-    """The build of a body: levels of the macro targets, other morph targets, and scaled parts.
-
-    Attributes:
-        gender, age, muscle, weight: "female" or "male"; "baby", "child", "young", "old"; "min", "average", "max".
-        height, proportions: "min", "max" or ""; "ideal", "uncommon" or "".
-        targets: weights of files below `targets/`, by name without suffix.
-        parts: factors by which the subtree of a joint of Mixamo's rig is scaled about it.
-    """
+    """A body: macro levels such as "old", weights of files below `targets/`, and factors of Mixamo's parts."""
 
     gender: str = "male"
     age: str = "young"
@@ -220,13 +213,7 @@ def mesh_of(base: Base, points: Array, rig: Rig) -> Mesh:
 
 @dataclass(frozen=True)
 class Kind:
-    """One character: its build, its rig, and how the file is written.
-
-    Attributes:
-        rig: of the data, "mixamo", "game_engine" or "cmu_mb".
-        rolled: whether the axes of joints lie along their bones, or along the axes of the world.
-        t_pose: whether the bind pose is a T-pose, or the pose of the base mesh.
-    """
+    """One character: its build, rig, whether joints' axes lie along bones, and whether the bind pose is a T-pose."""
 
     build: Build
     rig: str = "mixamo"

@@ -1,10 +1,9 @@
 """Measure `distretarget batch` under load, after kills, and per clip; each measurement is a command.
 
-    python benchmarks/batch.py jobs [--clips 40] [--frames 4000] [--rounds 3]
     python benchmarks/batch.py together [--runs 2] [--clips 24] [--frames 200] [--rounds 10] [--kills 4]
     python benchmarks/batch.py tiny [--clips 400] [--frames 2] [--rounds 3]
 
-The exit status is 1 if 2 processes are too slow, or outputs are wrong or missing.
+The exit status is 1 if outputs are wrong or missing.
 """
 
 from __future__ import annotations
@@ -27,11 +26,9 @@ from distretarget import read_bvh, write_bvh
 from distretarget.batch.plan import DATABASE, METRICS
 from distretarget.batch.record import BatchRecord
 from distretarget.batch.results import Database
-from distretarget.batch.workers import Processes
 
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
 TARGET = SAMPLES / "rigs" / "mixamo_t.json"
-LEAST_RATIO = 1.7  # least throughput of 2 processes over that of 1
 
 
 @click.group(help=__doc__)
@@ -42,48 +39,6 @@ def main(context: click.Context) -> None:
 
 
 @main.command()
-@click.option("--clips", default=40)
-@click.option("--frames", default=4000)
-@click.option("--rounds", default=3)
-@click.pass_obj
-def jobs(scratch: Path, clips: int, frames: int, rounds: int) -> None:
-    """Convert clips of one length with 1 process and with 2 in turn; print time ratio, first clip, and start."""
-    write_samples(scratch, clips, frames)
-    ratio, first = alternately(scratch, rounds)
-    print(f"{clips} clips of {frames} frames: 2 jobs have {ratio:.2f} times the throughput of 1")
-    ready = []
-    for _ in range(2):  # the first worker, including the process it is forked from, and a second one
-        with closing(Processes(1)) as pool:
-            pool.start()
-            ready.append(pool.start_seconds)
-    print(f"first clip done after {first:.2f} s")
-    print(f"the first worker is ready after {ready[0]:.2f} s, another one after {ready[1]:.3f} s")
-    sys.exit(ratio < LEAST_RATIO)
-
-
-def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
-    """Run with 1 process and with 2 in turn. Return medians over the rounds: the ratio of the times, and the seconds
-    until 2 processes have done their first clip.
-    """
-    ratios, firsts = [], []
-    for _ in range(rounds):
-        seconds = {}
-        for count in (1, 2):
-            out = scratch / str(count)
-            (out / DATABASE).unlink(missing_ok=True)
-            started = time.perf_counter()
-            with run(scratch / "in", out, "--jobs", count, "--overwrite") as process:
-                while count == 2 and process.poll() is None and not done(out):
-                    time.sleep(0.005)
-                firsts += [time.perf_counter() - started] if count == 2 else []
-                assert process.wait() == 0
-            seconds[count] = time.perf_counter() - started
-        ratios.append(seconds[1] / seconds[2])
-        print(f"  1 job {seconds[1]:.2f} s, 2 jobs {seconds[2]:.2f} s", flush=True)
-    return statistics.median(ratios), statistics.median(firsts)
-
-
-@main.command()
 @click.option("--runs", default=2)
 @click.option("--clips", default=24)
 @click.option("--frames", default=200)
@@ -91,9 +46,8 @@ def alternately(scratch: Path, rounds: int) -> tuple[float, float]:
 @click.option("--kills", default=4)
 @click.pass_obj
 def together(scratch: Path, runs: int, clips: int, frames: int, rounds: int, kills: int) -> None:
-    """Let several runs convert the same clips into one folder, of which one is killed at a random moment and started
-    again, some times; then let all finish. Outputs and metrics must be those of an undisturbed run, all runs must exit
-    with 0, and only metrics and database may lie beside the outputs.
+    """Let several runs convert the same clips into one folder, of which one is killed at random moments; outputs must
+    be those of an undisturbed run, and only metrics and database may lie beside them.
     """
     write_samples(scratch, clips, frames)
     whole, wrong = scratch / "whole", 0
@@ -123,9 +77,7 @@ def together(scratch: Path, runs: int, clips: int, frames: int, rounds: int, kil
 @click.option("--rounds", default=3)
 @click.pass_obj
 def tiny(scratch: Path, clips: int, frames: int, rounds: int) -> None:
-    """Convert very short clips with 1 process and with 2 in turn, and skip them when done; print the time, disk space
-    and memory per clip.
-    """
+    """Convert very short clips with 1 process and with 2, and skip them; print time, disk space and memory per clip."""
     write_samples(scratch, clips, frames)
     run(scratch / "in", scratch / "first").wait()  # which compiles
     for what, jobs in (("1 job", 1), ("2 jobs", 2), ("done before", 1)):
@@ -137,13 +89,9 @@ def tiny(scratch: Path, clips: int, frames: int, rounds: int) -> None:
         print(f"{clips} clips, {what}: {statistics.median(seconds):.1f} ms each", flush=True)
     sizes = {name: (out / name).stat().st_size / clips for name in (DATABASE, METRICS)}
     print(", ".join(f"{name}: {size:.0f} bytes a clip" for name, size in sizes.items()))
-    print(f"memory of the largest process: {memory():.0f} MB")
+    memory = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+    print(f"memory of the largest process: {memory:.0f} MB")
     sys.exit(len(done(out)) != clips)
-
-
-def memory() -> float:
-    """The peak memory of the largest finished child process [MB]."""
-    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
 
 
 def write_samples(scratch: Path, clips: int, frames: int) -> None:

@@ -9,18 +9,22 @@ positions of hands, feet and hips, or of all joints, scaled by leg length.
 from __future__ import annotations
 
 import importlib.util
+import json
+import os
+import shutil
+import subprocess
 import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import three_js
 from clips import back_and_forth
+from numpy.typing import NDArray
 
 from distretarget import Motion, Options, RetargetResult, Skeleton, read_bvh, retarget, write_bvh
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
@@ -32,6 +36,9 @@ if TYPE_CHECKING:
 STEPS = 3  # of mink per frame
 LONG, SHORT = 1000, 60  # frames on which speed is measured: of fast methods, and of mink
 NEEDS_MINK = ("mink", "mujoco", "daqp")
+SCRIPT = Path(__file__).with_name("retarget_clip.mjs")
+PACKAGES = "DISTRETARGET_NODE"  # names the folder in which npm has installed packages
+STILL = np.array([0.0, 0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,21 +60,13 @@ class Case:
 
 @dataclass(frozen=True)
 class Contestant:
-    """A method of retargeting.
+    """A method of retargeting."""
 
-    Attributes:
-        name: in tables.
-        motion: returns the result for a case.
-        timer: returns, for a case, a function that runs it once and returns the processor time per frame [s].
-        missing: why it cannot be run here; empty if it can.
-        measures: whether a conversion also computes metrics.
-    """
-
-    name: str
-    motion: Callable[[Case], Motion]
-    timer: Callable[[Case], Callable[[], float]]
-    missing: str = ""
-    measures: bool = False
+    name: str  # in tables
+    motion: Callable[[Case], Motion]  # the result for a case
+    timer: Callable[[Case], Callable[[], float]]  # a run of a case that returns the processor time per frame [s]
+    missing: str = ""  # why it cannot be run here; empty if it can
+    measures: bool = False  # whether a conversion also computes metrics
 
 
 COPY = "copied rotations"
@@ -75,7 +74,12 @@ COPY = "copied rotations"
 
 def contestants() -> Iterator[Contestant]:
     """Yield all contestants, the project's own last."""
-    yield Contestant(COPY, lambda case: case.run.rotation_copy, _copy_timer)
+
+    def copy_timer(case: Case) -> Callable[[], float]:
+        run = case.of_frames(LONG).run
+        return lambda: _seconds(lambda: rotation_copy(run.matching, RootScale.even(run.root_scale))) / LONG
+
+    yield Contestant(COPY, lambda case: case.run.rotation_copy, copy_timer)
     yield _three()
     yield from _mink()
     yield _own("paper's objective", Options(objective="paper"))
@@ -91,19 +95,19 @@ def _own(name: str, options: Options) -> Contestant:
     return Contestant(name, lambda case: retarget(case.source, case.target, options).motion, timer, measures=True)
 
 
-def _copy_timer(case: Case) -> Callable[[], float]:
-    run = case.of_frames(LONG).run
-    return lambda: _seconds(lambda: rotation_copy(run.matching, RootScale.even(run.root_scale))) / LONG
-
-
 def _three() -> Contestant:
     def timer(case: Case) -> Callable[[], float]:
-        peer = three_js.ThreeJs(case.of_frames(LONG).run)
+        peer = ThreeJs(case.of_frames(LONG).run)
         return lambda: float(np.median(peer.solve(5)[1])) / LONG
 
-    missing = three_js.missing()
-    name = "three.js, `retargetClip`" if missing else f"three.js {three_js.version()}, `retargetClip`"
-    return Contestant(name, lambda case: three_js.ThreeJs(case.run).motion(), timer, missing)
+    package = Path(os.environ.get(PACKAGES, "")) / "node_modules" / "three" / "package.json"
+    missing = "" if shutil.which("node") else "node.js is not installed"
+    if PACKAGES not in os.environ:
+        missing = f"{PACKAGES} does not name a folder with the npm package three"
+    elif not package.is_file():
+        missing = f"the npm package three is not in {os.environ[PACKAGES]}"
+    name = "three.js" if missing else f"three.js {json.loads(package.read_text())['version']}"
+    return Contestant(f"{name}, `retargetClip`", lambda case: ThreeJs(case.run).solve(1)[0], timer, missing)
 
 
 def _mink() -> Iterator[Contestant]:
@@ -111,8 +115,14 @@ def _mink() -> Iterator[Contestant]:
     absent = [name for name in NEEDS_MINK if importlib.util.find_spec(name) is None]
     missing = f"not installed: {', '.join(absent)}" if absent else ""
     known = "mink" if missing else f"mink {version('mink')}"
+
+    def timer(kind: str, case: Case) -> Callable[[], float]:
+        peer = _peer(kind, case.of_frames(SHORT))
+        return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
+
     for what, kind in (("hands and feet", "ScaledGoals"), ("GMR's recipe", "Gmr")):
-        yield Contestant(f"{known}, {what}", _by_mink(kind), _mink_timer(kind), missing)
+        motion = partial(lambda kind, case: _peer(kind, case).motion(STEPS), kind)
+        yield Contestant(f"{known}, {what}", motion, partial(timer, kind), missing)
 
 
 def _peer(kind: str, case: Case) -> ScaledGoals:
@@ -122,22 +132,8 @@ def _peer(kind: str, case: Case) -> ScaledGoals:
     return getattr(inverse_kinematics, kind)(case.run)
 
 
-def _by_mink(kind: str) -> Callable[[Case], Motion]:
-    return lambda case: _peer(kind, case).motion(STEPS)
-
-
-def _mink_timer(kind: str) -> Callable[[Case], Callable[[], float]]:
-    def timer(case: Case) -> Callable[[], float]:
-        peer = _peer(kind, case.of_frames(SHORT))
-        return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
-
-    return timer
-
-
 def files_timer(case: Case, measures: bool) -> Callable[[], float]:
-    """Return a function that reads a clip and writes a result, as BVH and by the project, computes metrics if
-    `measures`, and returns the processor time per frame [s].
-    """
+    """Return a run that reads a clip, writes a result, maybe measures it, and returns processor time per frame [s]."""
     run = case.of_frames(LONG).run
 
     def timed() -> float:
@@ -156,3 +152,51 @@ def _seconds(run: Callable[[], object]) -> float:
     started = time.process_time()
     run()
     return time.process_time() - started
+
+
+@dataclass(frozen=True, eq=False)
+class ThreeJs:
+    """The clip of a run by `SkeletonUtils.retargetClip` of three.js in node; axes agree, so that `localOffsets` are
+    not needed.
+    """
+
+    run: RetargetResult
+
+    def solve(self, runs: int) -> tuple[Motion, NDArray[np.float64]]:
+        """The result, and the seconds of processor time of each of some runs in one process."""
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "task.json"
+            file.write_text(json.dumps(self._task(Path(folder) / "clip.bvh")))
+            command = ["node", SCRIPT, Path(os.environ[PACKAGES]).resolve(), file, runs]
+            done = subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True)
+        answer = json.loads(done.stdout.strip().splitlines()[-1])
+        return self._motion(answer["tracks"]), np.array(answer["seconds"])
+
+    def _task(self, clip: Path) -> dict:
+        """The task of the script; joints are named by number, as names of tracks may hold few characters."""
+        source, target, drivers = self.run.source, self.run.motion.skeleton, self.run.drivers
+        names = tuple(f"s{joint}" for joint in range(len(source.skeleton)))
+        write_bvh(clip, replace(source, skeleton=replace(source.skeleton, names=names)))
+        joints = np.array(target.joints)
+        return {
+            "bvh": clip.read_text(),
+            "names": [f"t{joint}" for joint in joints],
+            "parents": [int(np.searchsorted(joints, target.parents[joint])) for joint in joints],
+            "offsets": target.offsets[joints].tolist(),
+            "pairs": {f"t{joint}": f"s{drivers[joint]}" for joint in joints if drivers[joint] >= 0},
+            "hip": f"s{drivers[np.flatnonzero(drivers >= 0)[0]]}",
+            "scale": self.run.root_scale,
+        }
+
+    def _motion(self, tracks: list[dict]) -> Motion:
+        copy = self.run.rotation_copy
+        frames, joints = copy.rotations.shape[:2]
+        rotations, translations = np.tile(STILL, (frames, joints, 1)), np.tile(copy.skeleton.offsets, (frames, 1, 1))
+        for track in tracks:
+            joint, moved = int(track["bone"][1:]), track["kind"] == "position"
+            values = np.array(track["values"]).reshape(-1, 3 if moved else 4)
+            if moved:
+                translations[:, joint] = values
+            else:
+                rotations[:, joint] = values / np.linalg.norm(values, axis=1, keepdims=True)
+        return Motion.of_translations(copy.skeleton, translations, rotations, copy.frame_time_text)

@@ -10,17 +10,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import click
 import numpy as np
-from clips import markdown_option
-from edits import TARGETS, edited
+from clips import TARGETS, edited, markdown_option
 from tables import publish, several, table
 
-from distretarget import Motion, RetargetResult, SceneResult, read_bvh, retarget, retarget_scene
-from distretarget.measure.gaps import Gap, body_part, measure_gap
+from distretarget import Motion, read_bvh, retarget, retarget_scene
+from distretarget.measure.gaps import body_part, measure_gap
 
 PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of lead and follower
 COLUMNS = (
@@ -30,29 +28,6 @@ COLUMNS = (
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )
-
-
-@dataclass(frozen=True)
-class Duet:
-    """A take on two bodies: performers retargeted alone and as a scene, the gaps, and the processor times [s]."""
-
-    alone: list[RetargetResult]
-    scene: SceneResult
-    gap: Gap
-    copy_gap: Gap
-    gap_alone: Gap
-    seconds: tuple[float, float]
-
-    @property
-    def worst_gaps(self) -> list[float]:
-        """The gap that 1 in 100 exceeds, with each alone and in the scene [% of leg length]."""
-        return [100 * gap.worst for gap in (self.gap_alone, self.gap)]
-
-    @property
-    def hips(self) -> list[float]:
-        """The largest error of a performer's hips, with each alone and in the scene [% of leg length]."""
-        key = "hips_height_largest"
-        return [max(one.metrics["result"][key] or 0.0 for one in many) for many in (self.alone, self.scene.results)]
 
 
 def takes(duets: Path) -> Iterator[tuple[str, list[Motion]]]:
@@ -65,35 +40,28 @@ def takes(duets: Path) -> Iterator[tuple[str, list[Motion]]]:
 
 def rows(duets: Path) -> Iterator[Iterator[str]]:
     """A row for each take and pair of bodies."""
-    for number, motions in takes(duets):
-        for names in PAIRS:
-            yield cells(f"{number}, {names[0]} and {names[1]}", solved(motions, names))
+    return (cells(number, motions, names) for number, motions in takes(duets) for names in PAIRS)
 
 
-def solved(motions: list[Motion], names: tuple[str, str]) -> Duet:
-    """Retarget a take to two bodies."""
+def cells(number: str, motions: list[Motion], names: tuple[str, str]) -> Iterator[str]:
+    """The row of a take on two bodies."""
     bodies = [edited(m.rigid_skeleton, TARGETS.get(name, {})) for m, name in zip(motions, names, strict=True)]
     began = time.process_time()
     alone = [retarget(motion, body) for motion, body in zip(motions, bodies, strict=True)]
     middle = time.process_time()
     scene = retarget_scene(motions, bodies)
     seconds = middle - began, time.process_time() - middle
-    gap, copy = scene.gaps[0, 1], scene.copy_gaps[0, 1]
+    gap, copy, scale = scene.gaps[0, 1], scene.copy_gaps[0, 1], scene.world_scale
     one, other = (body_part(each.matching, each.source.positions, each.motion.positions) for each in alone)
     apart = measure_gap((0, 1), one, other, float(np.mean([result.root_scale for result in alone])))
     if gap is None or copy is None or apart is None:
         raise click.ClickException(f"nothing touches in the take on {names[0]} and {names[1]}")
-    return Duet(alone, scene, gap, copy, apart, seconds)
 
-
-def cells(name: str, duet: Duet) -> Iterator[str]:
-    """The row of a take on two bodies."""
-    scene, gap, scale, seconds = duet.scene, duet.gap, duet.scene.world_scale, duet.seconds
     # The slide of the source's feet, for the strides of each body at the world's scale.
     strides = [(one.metrics["source"]["foot_skate"] or 0.0) * scale / one.root_scale for one in scene.results]
     jerks = [np.divide(*(one.metrics[v]["jerk"] or 1.0 for v in ("result", "rotation_copy"))) for one in scene.results]
-    yield name
-    yield several([100 * mean for mean in (gap.a, duet.copy_gap.b, duet.gap_alone.b, gap.b)], ".1f")
+    yield f"{number}, {names[0]} and {names[1]}"
+    yield several([100 * mean for mean in (gap.a, copy.b, apart.b, gap.b)], ".1f")
     yield f"{scale * gap.b / gap.a:.2f}"
     skates = [one.metrics["result"]["foot_skate"] or 0.0 for one in scene.results]
     yield several(np.divide(skates, strides), ".2f")
@@ -101,8 +69,9 @@ def cells(name: str, duet: Duet) -> Iterator[str]:
     yield several(jerks, ".2f")
     for key, form in (("turn", ".1f"), ("pop", ".0f")):
         yield several([one.metrics["result"][key] or 0.0 for one in scene.results], form)
-    yield several(duet.worst_gaps, ".1f")
-    yield several(duet.hips, ".1f")
+    yield several([100 * each.worst for each in (apart, gap)], ".1f")
+    hips = [[one.metrics["result"]["hips_height_largest"] or 0.0 for one in many] for many in (alone, scene.results)]
+    yield several(map(max, hips), ".1f")
     yield f"{seconds[0] / seconds[1]:.2f}"
 
 

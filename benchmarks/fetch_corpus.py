@@ -28,11 +28,7 @@ def addresses(host: str = HOST) -> Iterator[tuple[str, str]]:
 
 
 def fetch(address: str, path: Path) -> None:
-    """Download a file, complete or not at all.
-
-    Raises:
-        OSError: nothing answers there, or the file cannot be written.
-    """
+    """Download a file, complete or not at all; an OSError if nothing answers there, or it cannot be written."""
     with urlopen(address, timeout=TIMEOUT) as answer:
         content = answer.read()
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,15 +1,15 @@
 """Give the program generated inputs, valid and broken, and count the outcomes.
 
     python benchmarks/fuzz.py [--readers N] [--pipeline N] [--characters N] [--scenes N] [--contacts N] [--commands N]
-                              [--processes N] [--seconds N] [--seed N] [--keep FOLDER]
+                              [--seconds N] [--seed N] [--keep FOLDER]
 
 Readers: N texts are read as clips, skeleton files, maps or records, written, and read again. Pipeline: N clips are
 retargeted with targets, maps and options, and the results read again, by pybvh too. Characters: N mutated glTF files
 are read as targets and as motions, written and read again. Scenes, contacts, commands: N folders of generated files,
-pipes, devices and links among them, are given to one command. Processes: N commands in processes of their own, some
-with closed streams. `--seconds` runs all parts for about this time, instead of counts. Each input has one of the
-`OUTCOMES`; the first two are right, and the exit status is 1 if there is any other. `--keep` writes the inputs with
-other outcomes to a folder, characters by their seed. The same seed gives the same inputs. Ctrl-C ends a part early.
+pipes, devices and links among them, are given to one command. `--seconds` runs all parts for about this time, instead
+of counts. Each input has one of the `OUTCOMES`; the first two are right, and the exit status is 1 if there is any
+other. `--keep` writes the inputs with other outcomes to a folder, characters by their seed. The same seed gives the
+same inputs. Ctrl-C ends a part early.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from typing import Any, NamedTuple
 
 import click
 from fuzz_characters import through
-from fuzz_folders import commands, contacts, run_in_folder, run_with_streams, scenes, with_streams
+from fuzz_folders import commands, contacts, run_in_folder, scenes
 from fuzz_outcomes import OUTCOMES, REFUSED, RIGHT, outcome_of
 from fuzz_texts import convert, jobs, read, texts
 from hypothesis import HealthCheck, Phase, given, seed, settings
@@ -54,7 +54,6 @@ PARTS = {
     "scenes": Part(run_in_folder, scenes(), 50),
     "contacts": Part(run_in_folder, contacts(), 50),
     "commands": Part(run_in_folder, commands(), 50),
-    "processes": Part(run_with_streams, with_streams(), 5),
 }
 
 
@@ -87,21 +86,7 @@ def tried(part: Part, count: int, first_seed: int) -> Tried:
     return found
 
 
-def keep_case(folder: Path, name: str, case: Any) -> None:
-    """Write an input to a folder."""
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / f"{name}.json").write_text(json.dumps(case, indent=1))
-
-
-def with_counts(command: Callable[..., None]) -> Callable[..., None]:
-    """The command with an option for the number of inputs of each part."""
-    for name in reversed(PARTS):
-        command = click.option(f"--{name}", default=0)(command)
-    return command
-
-
 @click.command(help=__doc__)
-@with_counts
 @click.option("--seconds", default=0.0)
 @click.option("--seed", "first_seed", default=0)
 @click.option("--keep", type=Path)
@@ -118,7 +103,8 @@ def main(seconds: float, first_seed: int, keep: Path | None, **counts: int) -> N
                 for case, details in found.wrong:
                     print(f"--- {name} {wrong}: {details}", flush=True)
                     if keep:
-                        keep_case(keep, f"{name}_{wrong}", case)
+                        keep.mkdir(parents=True, exist_ok=True)
+                        (keep / f"{name}_{wrong}.json").write_text(json.dumps(case, indent=1))
                     wrong += 1
         rounds += 1
     for name, found in totals.items():
@@ -127,6 +113,8 @@ def main(seconds: float, first_seed: int, keep: Path | None, **counts: int) -> N
     print(f"{time.monotonic() - started:.0f} s")
     sys.exit(wrong > 0)
 
+
+main.params += [click.Option([f"--{name}"], default=0) for name in PARTS]
 
 if __name__ == "__main__":
     main()

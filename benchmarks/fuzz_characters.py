@@ -36,9 +36,7 @@ def sample() -> Motion:
 
 
 def through(seed: int) -> None:
-    """Use the file of a seed as a target, onto which the sample is retargeted, written and read again; and as a motion,
-    which is written as BVH and read again. A DistretargetError of either is raised at the end.
-    """
+    """Use the file of a seed as a target, and as a motion; raise a DistretargetError of either at the end."""
     sample()
     suffix, content = mutated(seed)
     with tempfile.TemporaryDirectory() as folder:
@@ -71,7 +69,7 @@ def _as_motion(path: Path) -> None:
         return
     text = read_back(lambda: "".join(bvh_parts(motion)))
     read = read_back(lambda: parse_bvh(text, "out.bvh"))
-    motion = motion.turned_round() if motion.skeleton.looks_back else motion  # as it is written
+    motion = motion.turned_round() if motion.skeleton.faces_negative_z else motion  # as it is written
     if not _is_collapsed(motion):
         places = motion.positions[:, list(motion.skeleton.depth_first)]
         check_close(places, read.positions, _off(_extent(motion)), "positions of the BVH")

@@ -5,15 +5,13 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import subprocess
 import sys
 import tempfile
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from fuzz_outcomes import LIMIT, REFUSED, RIGHT, NotReadBackError, TooLongError, no_line
+from fuzz_outcomes import REFUSED, RIGHT, NotReadBackError, no_line
 from hypothesis import strategies as st
 from mutated_gltf import mutated
 
@@ -24,11 +22,10 @@ from distretarget.io.target_file import animations_in
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made
-from program import command, run
+from program import run
 
 TOO_LONG = "frames/s that is too much"  # of a .vrma whose frames are 1000 s apart, which the reader refuses
 FOLDER, PIPE, LINK, CHARACTER = "@folder", "@pipe", "@link:", "@character:"  # files that are no texts
-STREAMS = (">&-", "2>&-", "<&-", ">&- 2>&- <&-", ">/dev/full", "2>/dev/full")
 REPORTS = ("--report", "out.html", "--json", "out.json")
 SPECIAL = (FOLDER, PIPE, f"{LINK}/dev/zero", f"{LINK}none", f"{LINK}.", f"{LINK}../../../etc/passwd", "")
 
@@ -204,32 +201,8 @@ def commands(draw: st.DrawFn) -> Folder:
     return Folder(_spoilt(draw, files), line)
 
 
-def with_streams() -> st.SearchStrategy[tuple[Folder, str]]:
-    """Any command, and which streams are closed or full."""
-    return st.tuples(commands(), st.sampled_from(("", "", "", *STREAMS)))
-
-
 def run_in_folder(case: Folder) -> str:
-    """Run the program once among these files, in this process, and return the outcome."""
-    return _ran(case, run)
-
-
-def run_with_streams(case: tuple[Folder, str]) -> str:
-    """Run the program once in its own process, some of whose streams are closed or full, and return the outcome."""
-    folder, streams = case
-
-    def start(*arguments: str) -> subprocess.CompletedProcess[str]:
-        program = ["sh", "-c", f'exec "$@" {streams}', "sh", *command(*arguments)]
-        try:
-            return subprocess.run(program, capture_output=True, text=True, timeout=LIMIT, stdin=subprocess.DEVNULL)
-        except subprocess.TimeoutExpired as error:
-            raise TooLongError from error
-
-    return _ran(folder, start, is_told=">" not in streams)
-
-
-def _ran(case: Folder, start: Callable[..., subprocess.CompletedProcess[str]], is_told: bool = True) -> str:
-    """Run the program among these files, and return the outcome.
+    """Run the program once among these files, in this process, and return the outcome.
 
     Raises:
         RuntimeError: it printed a traceback, no line that says why, or one that is no line for a user.
@@ -239,12 +212,12 @@ def _ran(case: Folder, start: Callable[..., subprocess.CompletedProcess[str]], i
     with tempfile.TemporaryDirectory() as name, contextlib.chdir(name):
         for path, content in files.items():
             _make(Path(path), content)
-        done = start(*arguments)
+        done = run(*arguments)
         if done.returncode not in (0, 1, 2) or "Traceback" in done.stderr or "Exception ignored" in done.stderr:
             raise RuntimeError(f"status {done.returncode}: {done.stderr[-600:]}")
         if fault := next(filter(None, map(no_line, done.stderr.splitlines())), ""):
             raise RuntimeError(fault)
-        if is_told and done.returncode and not (done.stderr or done.stdout).strip():
+        if done.returncode and not (done.stderr or done.stdout).strip():
             raise RuntimeError(f"status {done.returncode}, and no line says why")
         _check_written(files)
     return REFUSED if done.returncode else RIGHT
@@ -266,33 +239,29 @@ def _make(path: Path, content: str) -> None:
 
 def _check_written(files: dict[str, str]) -> None:
     """Read all motions that were written, and all JSON; nothing is left half written."""
+
+    def refuse(name: str) -> None:
+        raise NotReadBackError(f"{name} in JSON")
+
     for path in Path().rglob("*"):
         if str(path) in files or path.is_symlink() or is_folder(path) or not path.is_file():
             continue
         if path.name.startswith(".distretarget-"):
             raise NotReadBackError(f"{path} is left")
         if path.suffix in (".bvh", ".glb", ".vrma"):
-            _check_motion(path)
+            try:
+                names = animations_in(load_file(path))
+                motion = read_motion(path, clip=f"#{len(names)}" if len(names) > 1 else None)
+            except DistretargetError as error:
+                if TOO_LONG not in str(error):
+                    raise NotReadBackError(str(error)) from error
+            else:
+                if not np.isfinite(motion.positions).all():
+                    raise NotReadBackError(f"{path} is not finite")
         elif path.suffix == ".json":
-            json.loads(path.read_bytes(), parse_constant=_no_constant)
+            json.loads(path.read_bytes(), parse_constant=refuse)
         elif path.suffix == ".npz":
             with np.load(path) as arrays:
                 for key in arrays:
                     if key != "contact_gaps" and arrays[key].dtype.kind == "f" and not np.isfinite(arrays[key]).all():
                         raise NotReadBackError(f"{path} is not finite")
-
-
-def _check_motion(path: Path) -> None:
-    try:
-        names = animations_in(load_file(path))
-        motion = read_motion(path, clip=f"#{len(names)}" if len(names) > 1 else None)
-    except DistretargetError as error:
-        if TOO_LONG not in str(error):
-            raise NotReadBackError(str(error)) from error
-    else:
-        if not np.isfinite(motion.positions).all():
-            raise NotReadBackError(f"{path} is not finite")
-
-
-def _no_constant(name: str) -> None:
-    raise NotReadBackError(f"{name} in JSON")

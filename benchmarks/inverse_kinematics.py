@@ -25,10 +25,8 @@ TIMESTEP = 1.0  # mink solves for velocities; a step integrates them for this ti
 
 
 class ScaledGoals:
-    """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it.
-
-    The goals: positions of hands, feet and hips as in the source, scaled like the root's path, and rotations as in the
-    rotation copy. Joints that follow their parents, such as fingers without a counterpart, are fixed in the model.
+    """The target as a MuJoCo model with ball joints and a free root, and mink's tasks on it: positions of hands, feet
+    and hips as in the source, scaled, rotations as in the copy. Joints that follow their parents are fixed.
     """
 
     def __init__(self, result: RetargetResult) -> None:
@@ -74,11 +72,7 @@ class ScaledGoals:
 
 
 class Gmr(ScaledGoals):
-    """The same model, posed as GMR does.
-
-    Each body's goals are the position of the source joint that drives it, scaled about the origin, and its rotation in
-    the rotation copy. The first stage uses rotations of all bodies and positions of the feet; the second uses all.
-    """
+    """The same model, posed as GMR does: positions of drivers, rotations of the copy; at first those of feet alone."""
 
     def __init__(self, result: RetargetResult) -> None:
         super().__init__(result)
@@ -103,17 +97,16 @@ class Gmr(ScaledGoals):
             yield self.configuration.data
 
     def _solve_stage(self, tasks: Sequence[mink.Task]) -> None:
-        before = self._error(tasks)
+        def norm() -> float:
+            return float(np.linalg.norm(np.concatenate([task.compute_error(self.configuration) for task in tasks])))
+
+        before = norm()
         for _ in range(1 + MOST_STEPS):
             _step(self.configuration, tasks, GMR_DAMPING)
-            error = self._error(tasks)
+            error = norm()
             if before - error <= SETTLED:
                 break
             before = error
-
-    def _error(self, tasks: Sequence[mink.Task]) -> float:
-        """The norm of the tasks' errors."""
-        return float(np.linalg.norm(np.concatenate([task.compute_error(self.configuration) for task in tasks])))
 
 
 def _frame_task(body: int, position: float, rotation: float, **others: float) -> mink.FrameTask:
@@ -136,9 +129,7 @@ def _step(configuration: mink.Configuration, tasks: Sequence[mink.Task], damping
 
 
 def _xml(motion: Motion, turning: Sequence[int], unit: float) -> str:
-    """The target as a MuJoCo model, with lengths in body units; joints that are not `turning` are fixed as in the first
-    frame.
-    """
+    """The target as a MuJoCo model, in body units; joints that are not `turning` are fixed as in the first frame."""
     skeleton = motion.skeleton
 
     def numbers(values: Array) -> str:

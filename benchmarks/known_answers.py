@@ -23,8 +23,7 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLE_CLIPS, corpus_argument, found, markdown_option
-from edits import TARGETS, edited
+from clips import CLIPS, SAMPLE_CLIPS, TARGETS, corpus_argument, edited, found, markdown_option
 from numpy.typing import NDArray
 from runs import in_processes
 from scipy.spatial.transform import Rotation
@@ -53,9 +52,8 @@ NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
 
 def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float]]:
-    """Results of clips on a member that lies against those on its twin in T-pose: the mean angle between the heads' up
-    axes [degrees], and whether they have warnings of `TILTS` that the twin's do not have. And the largest angle between
-    the alignments of the clips with a target [degrees].
+    """Results on a member that lies against those on its twin: angles between heads' up axes [degrees], warnings of
+    `TILTS` that the twin's do not have, and the largest angle between alignments with a target [degrees].
     """
     sources = [on_member(name, read_bvh(clip)[:frames]) for clip in clips]
     twins = [on_twin(name, read_bvh(clip)[:frames]) for clip in clips]
@@ -65,26 +63,23 @@ def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float
         spreads.append(largest_spread(np.array(alignments))[0])
         for source, twin in zip(sources, twins, strict=True):
             results = [retarget(motion, target) for motion in (source, twin)]
-            heads.append(float(np.degrees(angles_between(*map(_head_up, results))).mean()))
+            ups = []  # the heads' up axes
+            for each in results:
+                body = each.matching.target
+                head = body.anatomy.roles["head"] if body.anatomy else 0
+                ups.append(Rotation.from_quat(each.motion.world_rotations_of(head)).apply(body.up_vector))
+            heads.append(float(np.degrees(angles_between(*ups)).mean()))
             own, of_twin = ({key for key in TILTS if BY_KEY[key].over_limit(each.metrics)} for each in results)
             warned.append(float(bool(own - of_twin)))
     return {"heads": heads, "spreads": spreads, "warned": warned}
-
-
-def _head_up(result: RetargetResult) -> Array:
-    """The head's up axis in a result on a target whose rest pose stands, (frames, 3)."""
-    target = result.matching.target
-    head = target.anatomy.roles["head"] if target.anatomy else 0
-    return np.asarray(Rotation.from_quat(result.motion.world_rotations_of(head)).apply(target.up_vector))
 
 
 # ---- known answers
 
 
 def known_answer(frames: int, corpus: Path, folders: tuple[str, str], clip: str) -> dict[str, list[float]]:
-    """Errors of rotation copy and result of a file retargeted to the body of another, against that file: mean direction
-    of bones [degrees]; while feet rest, their position relative to the hips [% of height], and the hips' height [% of
-    leg length].
+    """Errors of copy and result against the file for the other body: directions [degrees], and while feet rest their
+    positions relative to the hips [% of height] and the hips' height [% of leg length].
     """
     motion, answer = (read_bvh(corpus / folder / f"{clip}.bvh")[1 : frames + 1] for folder in folders)
     result = retarget(motion, answer)
@@ -116,9 +111,7 @@ def _bones(motion: Motion, lower: NDArray[np.intp]) -> Array:
 
 
 def equivalent(frames: int, clip: Path, target: str) -> dict[str, tuple[float, float]]:
-    """The largest distance of a joint between equivalent results of a clip, and between their rotation copies, by the
-    change [% of height].
-    """
+    """The largest distance of a joint between equivalent results, and between copies, by the change [% of height]."""
     source = read_bvh(clip)[:frames]
     body = edited(source.rigid_skeleton, TARGETS[target])
     whole, n, time = retarget(source, body), len(source), source.frame_time
@@ -138,7 +131,7 @@ def equivalent(frames: int, clip: Path, target: str) -> dict[str, tuple[float, f
 def _apart(
     whole: RetargetResult, body: Skeleton, changed: Sequence[tuple[Motion, slice, slice]]
 ) -> tuple[float, float]:
-    """The largest distance of changed results to that of the whole clip, and of their copies [% of height]."""
+    """The largest distance of changed results to the whole clip's, and of their copies [% of height]."""
     joints, height = whole.matching.target.regions.of_joint >= 0, whole.matching.target.height
     distances = []
     for motion, frames, own in changed:

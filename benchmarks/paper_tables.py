@@ -7,8 +7,21 @@ from collections.abc import Callable, Iterator
 import numpy as np
 from clips import SAMPLES
 from numpy.typing import NDArray
-from paper_case import EDITS, POSTURE, Case, bone_errors, case, direction_errors, distance_error, mirrored
-from paper_solver import STARTS, checks, elsewhere, from_before, solved_from
+from paper_case import (
+    EDITS,
+    POSTURE,
+    STARTS,
+    Case,
+    bone_errors,
+    case,
+    checks,
+    direction_errors,
+    distance_error,
+    elsewhere,
+    from_before,
+    mirrored,
+    solved_from,
+)
 from tables import several, table
 
 from distretarget import Skeleton

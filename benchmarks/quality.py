@@ -1,12 +1,12 @@
 """Measure the quality of results on clips' own bodies with some bones scaled, and on the bodies of the zoo.
 
-    python benchmarks/quality.py CORPUS [DUETS] [--clips GLOB] [--frames N] [--runs] [--markdown FILE]
+    python benchmarks/quality.py CORPUS [DUETS] [--clips GLOB] [--frames N] [--markdown FILE]
 
 CORPUS is a folder with the real clips named in `clips.CLIPS`, DUETS one with further clips; the script names and skips
-missing ones. Each clip is retargeted to the bodies of `edits.py` by both objectives, and to a third of the members of
+missing ones. Each clip is retargeted to the bodies of `clips.py` by both objectives, and to a third of the members of
 the zoo by the default one; and each member is the source for two others. The tables have every metric, mean / largest
 over the runs; and faults that must not occur, such as runs that are worse than the rotation copy. The samples with
-supports are retargeted to two of the scaled bodies, with a line each. `--runs` lists the runs.
+supports are retargeted to two of the scaled bodies, with a line each.
 """
 
 from __future__ import annotations
@@ -15,13 +15,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fnmatch import fnmatch
 from functools import partial
-from itertools import chain, product
+from itertools import product
 from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, corpus_argument, found, markdown_option
-from edits import TARGETS, edited
+from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, TARGETS, corpus_argument, edited, found, markdown_option
 from runs import clip_name, in_processes
 from tables import mean_and_largest, publish, several, table
 from zoo import MEMBERS, member, on_member
@@ -49,9 +48,7 @@ Task = tuple[Path, str, str]
 
 @dataclass(frozen=True)
 class Run:
-    """A clip on a body: frames; joints of the body, without End Sites; solver iterations over all frames; metrics of
-    the whole clip, of source, rotation copy and result.
-    """
+    """A clip on a body: frames; joints without End Sites; solver iterations; metrics of source, copy and result."""
 
     name: str
     frames: int
@@ -106,22 +103,15 @@ def pairs(clips: Sequence[Path]) -> Iterator[Task]:
 
 
 def own_body(frames: int, clip: Path, member: str) -> tuple[float, str] | None:
-    """Retarget a clip, or the motion of a member after it, to its own body; return the largest error [% of the body's
-    height] and the name; None if it is refused.
-    """
+    """Retarget a clip, or that of a member, to its own body; the largest error [% of height], and name; or None."""
     try:
         motion = retargeted(frames, clip, "", member).motion if member else read_bvh(clip)[:frames]
-        return _deviation(retarget(motion, motion)), f"{clip_name(clip)}{f' of {member}' if member else ''}"
+        result = retarget(motion, motion)
     except DistretargetError:
         return None
-
-
-def _deviation(result: RetargetResult) -> float:
-    """The largest distance of a joint of the body from the source's [% of the body's height]."""
     body = result.matching.target
-    joints = body.regions.of_joint >= 0
-    away = np.linalg.norm(result.motion.positions - result.source.positions, axis=-1)[:, joints]
-    return float(100 * away.max() / body.height)
+    away = np.linalg.norm(result.motion.positions - result.source.positions, axis=-1)[:, body.regions.of_joint >= 0]
+    return float(100 * away.max() / body.height), f"{clip_name(clip)}{f' of {member}' if member else ''}"
 
 
 # ---- tables
@@ -205,21 +195,13 @@ def support_row(run: Run) -> Row:
     return run.name, heights, skates, f"{run.metric('direction_error'):.1f}", jerk, f"{run.metric('turn'):.1f}"
 
 
-def run_rows(runs: Sequence[Run]) -> Iterator[Row]:
-    """A line for each run, with the metrics of the result."""
-    for run in runs:
-        effort = str(run.frames), f"{run.iterations / run.frames:.1f}"
-        yield run.name, *effort, *(f"{run.metric(metric.key):.3g}" for metric in METRICS)
-
-
 @click.command(help=__doc__)
 @corpus_argument
 @click.argument("duets", type=Path, required=False)
 @markdown_option
 @click.option("--clips", "pattern", default="*", help="Only clips whose names match.")
 @click.option("--frames", default=600, show_default=True, help="Of each clip.")
-@click.option("--runs", "listed", is_flag=True, help="Print a line for each run, too.")
-def main(corpus: Path, duets: Path | None, page: Path | None, pattern: str, frames: int, listed: bool) -> None:
+def main(corpus: Path, duets: Path | None, page: Path | None, pattern: str, frames: int) -> None:
     """Measure, print, and write the tables if a page is given."""
     clips = list(found([*SAMPLE_CLIPS, *CLIPS, "pybvh/bvh_test3.bvh"], corpus, pattern).values())
     clips += [clip for clip in sorted(duets.glob("*.bvh")) if fnmatch(clip.name, pattern)] if duets else []
@@ -246,9 +228,6 @@ def main(corpus: Path, duets: Path | None, page: Path | None, pattern: str, fram
         "faults": table(["contact, over all runs", "value", "worst"], fault_rows([*contact, *zoo], own)),
         "supports": table(SUPPORTS_HEAD, map(support_row, supports)),
     }
-    if listed:
-        head = ("run", "frames", "iterations", *(metric.label for metric in METRICS))
-        tables["runs"] = table(head, run_rows([*chain.from_iterable(scaled), *zoo]))
     print(f"{len(contact)} runs on scaled bodies by each objective, {len(zoo)} in the zoo, {len(clips)} clips\n")
     publish(tables, page)
 

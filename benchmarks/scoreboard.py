@@ -30,8 +30,7 @@ from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, found, markdown_option
 from contestants import COPY, Case, Contestant, contestants, files_timer
 from numpy.typing import NDArray
 from runs import alone, in_processes
-from skin_measures import PAIRS, Gaps, Sinking, gap_error, near, source_gaps
-from skins import Skin
+from skins import PAIRS, Gaps, Sinking, Skin, gap_error, near, source_gaps
 from tables import publish, several, table
 
 from distretarget import Motion, RetargetResult, load_target, read_motion
@@ -39,8 +38,8 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.limbs import arm_raise
 from distretarget.errors import DistretargetError
 from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.deviations import find_arm_deviation
 from distretarget.measure.metrics import clip_metrics
-from distretarget.measure.needless import find_needless
 from distretarget.measure.skin import find_skin
 from distretarget.numerics.vectors import Array, lengths
 from distretarget.target import Target
@@ -167,17 +166,15 @@ def skin_metrics(hero: Character, motion: Motion, frames: NDArray[np.intp], of_s
 def _of_motion(reference: Reference, run: RetargetResult, of_copy: Comparison, motion: Motion) -> dict[str, float]:
     """The project's metrics of a motion, against the rotation copy's."""
     comparison = reference.compare(motion)
-    needless = find_needless(run.rotation_copy, motion, run.matching.target, of_copy, comparison)
-    metrics, source = clip_metrics({**comparison.tracks, "needless": needless}), clip_metrics(comparison.source_tracks)
+    arms = find_arm_deviation(run.rotation_copy, motion, run.matching.target, of_copy, comparison)
+    metrics, source = clip_metrics({**comparison.tracks, "arm_deviation": arms}), clip_metrics(comparison.source_tracks)
     names = ("foot_skate", "foot_height", "jerk", "turn", "hips_acceleration", *FURTHER)
     values = {name: metrics[name] for name in names} | {"foot_skate_source": source["foot_skate"]}
     return {name: np.nan if value is None else float(value) for name, value in values.items()}
 
 
 def direction_error(run: RetargetResult, motion: Motion) -> float:
-    """Mean angle between the directions of upper arms, forearms, thighs and shins, from joint to joint, in a motion and
-    in the source [degrees]; nan without such limbs.
-    """
+    """Mean angle of upper arms, forearms, thighs and shins to the source's [degrees]; nan without such limbs."""
     roles, drivers = run.matching.target.roles, run.drivers
     ends = np.array([[roles[end] for end in limb] for limb in LIMBS if all(end in roles for end in limb)]).reshape(
         -1, 2
@@ -194,9 +191,7 @@ def direction_error(run: RetargetResult, motion: Motion) -> float:
 
 
 def speeds(clip: Path, bodies: Sequence[Path], sampling: Sampling, rounds: int) -> dict[str, dict[str, float]]:
-    """Frames per second of each contestant on one thread, without and with files: medians over bodies and rounds, in
-    which the contestants run in turn.
-    """
+    """Frames per second of each contestant on one thread, without and with files: medians over bodies and rounds."""
     cases = [Case(sampling.clip(clip), load_target(body)) for body in bodies]
     present = [who for who in contestants() if not who.missing]
     timers = [[(who.timer(case), files_timer(case, who.measures)) for who in present] for case in cases]
@@ -224,7 +219,7 @@ class Column(NamedTuple):
 
 
 COLUMNS = {key: Column(*column) for key, column in TABLES["columns"].items()}
-FURTHER = ("touch_missed", "touch_place", "part_depth", "floor", "sole_tilt", "needless")
+FURTHER = ("touch_missed", "touch_place", "part_depth", "floor", "sole_tilt", "arm_deviation")
 
 
 def summary(
@@ -279,9 +274,7 @@ def score_table(all_of_them: Sequence[Contestant], metrics: Mapping[str, Mapping
 
 
 def body_table(rows: Sequence[Row], names: Sequence[str]) -> str:
-    """The mean share of skin inside each body over the clips, for the copy and the project's own contestants, which are
-    the last; for the very last also the largest.
-    """
+    """The mean share of skin inside each body, for copy and own contestants; for the last also the largest."""
 
     def inside(body: str, name: str) -> list[float]:
         return [row.metrics["inside"] for row in rows if (row.body, row.contestant) == (body, name)]

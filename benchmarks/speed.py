@@ -1,8 +1,8 @@
-"""Measure frames per second of files and a whole conversion; and joints, cores, starting and memory.
+"""Measure frames per second of files and a whole conversion; and cores, starting and memory.
 
     python benchmarks/speed.py CORPUS [--rounds 7] [--markdown PAGE]
 
-CMU 12_01 of CORPUS goes to H of `edits.py`. Runs that are compared alternate, and the tables have medians over the
+CMU 12_01 of CORPUS goes to H of `clips.py`. Runs that are compared alternate, and the tables have medians over the
 rounds, with the least and the largest: processor time on one thread, but for the two cores and the first run, which are
 timed by the clock. The scoreboard has the speed of `retarget` and of other ways. Needs the extra `bench`, and a system
 that counts processor time and memory of processes.
@@ -27,10 +27,8 @@ from timeit import Timer
 import click
 import numpy as np
 import pybvh
-from clips import HERO, LONG, SAMPLES, back_and_forth, corpus_argument, markdown_option
-from edits import TARGETS, edited
+from clips import HERO, LONG, SAMPLES, TARGETS, back_and_forth, corpus_argument, edited, markdown_option
 from runs import alone, alternating
-from skeleton_edits import on_skeleton, with_chain
 from tables import publish, table
 
 from distretarget import Motion, Skeleton, read_bvh, retarget, write_bvh
@@ -41,9 +39,6 @@ SAMPLE, CHILD = SAMPLES / "clap.bvh", SAMPLES / "child.json"
 LEAST_SECONDS = 0.5  # processor time for which each run is repeated in a round
 PEER = f"pybvh {version('pybvh')}"
 COMPARED_WITH = {f"{what}, {PEER}": f"{what}, distretarget" for what in ("reading", "writing")}
-HANDS = ("LeftWrist", "RightWrist")  # of the sample, which clap
-CHAINS = 35  # added to each of two joints
-CHAIN_JOINTS = 3
 VERY_LONG = 50_000  # frames of the clip whose memory is measured
 CONVERT = """
 import resource, sys
@@ -106,33 +101,7 @@ def _cells(speed: Array, ratio: Array) -> Iterator[str]:
     yield f"{np.median(ratio):.2f}"
 
 
-# ---- joints, cores, starting and memory
-
-
-def with_chains(clip: Motion, count: int, joints: tuple[str, ...]) -> Motion:
-    """The clip on a body with `count` more chains of `CHAIN_JOINTS` joints, which do not bend, on some joints."""
-    body, draw = clip.skeleton, np.random.default_rng(1)
-    for name in joints:
-        number = clip.skeleton.index(name)
-        bone = clip.skeleton.offsets[clip.skeleton.children[number][0]]
-        for chain in range(count):
-            first = 0.4 * bone + 0.2 * np.linalg.norm(bone) * draw.normal(size=3)
-            offsets = [first, *[0.25 * bone] * (CHAIN_JOINTS - 1)]
-            chain_names = [f"{name}Chain{chain}Joint{link}" for link in range(CHAIN_JOINTS)]
-            body = with_chain(body, number, dict(zip(chain_names, offsets, strict=True)))
-    return on_skeleton(clip, body)
-
-
-def joint_lines(rounds: int) -> Iterator[Line]:
-    """Exponents of the time in the number of joints, from a sample without and with many chains of joints."""
-    for what, joints in (("chains without contacts", ("Head", "Hips")), ("hands full of chains meet", HANDS)):
-        clips, runs = [with_chains(read_bvh(SAMPLE), count, joints) for count in (0, CHAINS)], []
-        for clip in clips:
-            long_forearms = clip.skeleton.lengths * np.where(np.isin(clip.skeleton.names, HANDS), 1.3, 1.0)
-            runs.append(partial(retarget, clip, clip.skeleton.with_lengths(long_forearms)))
-        times, (before, after) = alternating(runs, rounds), (len(clip.skeleton) for clip in clips)
-        exponents = np.log(times[:, 1] / times[:, 0]) / np.log(after / before)
-        yield _line(f"exponent in joints, {what}, {before} to {after}", exponents)
+# ---- cores, starting and memory
 
 
 def core_line(source: Motion, body: Skeleton, rounds: int) -> Line:
@@ -154,7 +123,12 @@ def start_lines(clip: Path, folder: Path, rounds: int) -> Iterator[Line]:
     convert = [*program, str(clip), str(CHILD), "-o", output, "--overwrite"]
     imports = [[sys.executable, "-c", f"import {what}"] for what in ("numpy", "numpy, scipy.spatial.transform")]
     commands = [[*program, "--version"], imports[0], convert, imports[1]]
-    times = alternating([partial(_run, command) for command in commands], rounds, _time_of_children)
+
+    def time_of_children() -> float:
+        usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+        return usage.ru_utime + usage.ru_stime
+
+    times = alternating([partial(_run, command) for command in commands], rounds, time_of_children)
     yield _line("`--version` over `import numpy`, processor time", times[:, 0] / times[:, 1])
     yield _line("524 frames over `import numpy, scipy.spatial.transform`, processor time", times[:, 2] / times[:, 3])
     clap = [*program, str(SAMPLE), str(HERO), "-o", str(folder / "clap.glb"), "--overwrite"]
@@ -178,15 +152,6 @@ def _run(command: list[str]) -> str:
     return subprocess.run(command, check=True, capture_output=True, text=True, cwd=SAMPLES.parent).stdout
 
 
-def _time_of_children() -> float:
-    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
-    return usage.ru_utime + usage.ru_stime
-
-
-def _line(what: str, values: Array) -> Line:
-    return what, f"{np.median(values):.2f}", f"{values.min():.2f} to {values.max():.2f}"
-
-
 def measured(clip: Path, rounds: int) -> dict[str, str]:
     """The tables."""
     source = read_bvh(clip)
@@ -195,11 +160,15 @@ def measured(clip: Path, rounds: int) -> dict[str, str]:
     with tempfile.TemporaryDirectory() as name:
         folder, motion = Path(name), back_and_forth(source, LONG)
         write_bvh(folder / "long.bvh", motion)
-        lines = [*joint_lines(rounds), core_line(source, body, rounds), *start_lines(clip, folder, rounds)]
+        lines = [core_line(source, body, rounds), *start_lines(clip, folder, rounds)]
         return {
             "files": table(head, rows(of_files(folder / "long.bvh", motion, body), LONG, rounds)),
             "scaling": table(" | median | least to largest", [*lines, memory_line(source, body, folder)]),
         }
+
+
+def _line(what: str, values: Array) -> Line:
+    return what, f"{np.median(values):.2f}", f"{values.min():.2f} to {values.max():.2f}"
 
 
 @click.command(help=__doc__)

@@ -266,8 +266,8 @@ class Motion:
         return np.subtract(self.positions, bones, out=bones)
 
     def facing_forward(self) -> Motion:
-        """Return the motion of the body facing +Z by convention: turned if it faced -Z (`Skeleton.looks_back`)."""
-        return self.turned_round() if self.skeleton.looks_back else self
+        """Return the motion of the body facing +Z by convention: turned if it faced -Z, see `Skeleton`."""
+        return self.turned_round() if self.skeleton.faces_negative_z else self
 
     def turned_round(self) -> Motion:
         """Return the motion turned by 180 degrees about Y, rest pose included (`Skeleton.turned_round`)."""

@@ -51,7 +51,7 @@ class Skeleton:
         up: up axis, one of `AXES`; None if the file does not state it.
         humanoid: pairs of a bone, by its name in VRM 1.0, such as "leftUpperArm", and its joint; empty if the file
             states none. If it does, names and shape of the skeleton are not used to recognise the body.
-        looks_back: whether bodies in its file face -Z by convention, as in VRM 0; all others face +Z.
+        faces_negative_z: whether bodies in its file face -Z by convention, as in VRM 0; all others face +Z.
         floor_at_zero: whether the rest pose, with the root at its offset, stands on a floor at height 0, as in files of
             characters.
 
@@ -69,7 +69,7 @@ class Skeleton:
     units: str | None = None
     up: str | None = None
     humanoid: tuple[tuple[str, int], ...] = ()
-    looks_back: bool = False
+    faces_negative_z: bool = False
     floor_at_zero: bool = False
 
     def __post_init__(self) -> None:
@@ -157,7 +157,7 @@ class Skeleton:
     @cached_property
     def _content(self) -> tuple[object, ...]:
         arrays = (array.tobytes() for array in (self.offsets, self.parents, self.end_sites))
-        others = self.channels, self.units, self.up, self.humanoid, self.looks_back, self.floor_at_zero
+        others = self.channels, self.units, self.up, self.humanoid, self.faces_negative_z, self.floor_at_zero
         return self.names, *arrays, *others
 
     def __len__(self) -> int:
@@ -354,8 +354,8 @@ class Skeleton:
         return replace(self, offsets=cast(NDArray[np.float64], offsets))  # checked by the constructor
 
     def turned_round(self) -> Skeleton:
-        """Return the skeleton turned by 180 degrees about Y, which changes whether it faces -Z (`looks_back`)."""
-        return replace(self, offsets=self.offsets * HALF_TURN, looks_back=not self.looks_back)
+        """Return the skeleton turned by 180 degrees about Y, which changes whether it faces -Z (`faces_negative_z`)."""
+        return replace(self, offsets=self.offsets * HALF_TURN, faces_negative_z=not self.faces_negative_z)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
         """Return the same tree and bone directions with other bone lengths, (joints,), at least 0. Bones of length 0

@@ -56,8 +56,8 @@ class Target:
         return self
 
     def facing_forward(self) -> Target:
-        """Return the target facing +Z by convention: turned if it faced -Z (`Skeleton.looks_back`)."""
-        if not self.skeleton.looks_back:
+        """Return the target facing +Z by convention: turned if it faced -Z (`Skeleton.faces_negative_z`)."""
+        if not self.skeleton.faces_negative_z:
             return self
         return replace(
             self,

@@ -11,8 +11,8 @@ import pytest
 from animals import dog
 from bodies import WAYS, body_of, nameless, person, posed, sample_target, swaying, turned, with_bone
 from named_bodies import tree
-from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
+from zoo import CONVENTIONS, rig
 
 from distretarget import retarget
 from distretarget.body.anatomy import find_regions

@@ -9,8 +9,8 @@ import pytest
 from animals import camera, dog, on_a_root, sword
 from bodies import body_of, lengthened, matched, nameless, posed, sample, short_walk, swaying, taken
 from disguises import Disguise
-from sample_rigs import CONVENTIONS, POSES, RIGS, rig
 from scipy.spatial.transform import Rotation
+from zoo import CONVENTIONS, RIG_POSES, RIGS, rig
 
 from distretarget import Motion, retarget
 from distretarget.body.anatomy import ARM, LEG
@@ -276,7 +276,7 @@ HAND = {"mixamo": "mixamorig:LeftHand", "xsens": "LeftWrist", "lafan1": "LeftHan
 SIDE = re.compile(r"Left|Right|_[lr](?=_|$)")
 OTHER = {"Left": "Right", "Right": "Left", "_l": "_r", "_r": "_l"}
 
-poses = pytest.mark.parametrize("pose", POSES)
+poses = pytest.mark.parametrize("pose", RIG_POSES)
 
 
 def standing(skeleton):
@@ -293,7 +293,7 @@ def feet(skeleton):
 
 
 def test_every_rig_is_tested():
-    assert len([*RIGS.iterdir()]) == len(CONVENTIONS) * len(POSES)
+    assert len([*RIGS.iterdir()]) == len(CONVENTIONS) * len(RIG_POSES)
 
 
 @conventions

@@ -24,8 +24,8 @@ from bodies import (
     swaying,
     turned,
 )
-from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
+from zoo import CONVENTIONS, rig
 
 import distretarget
 from distretarget import Motion, read_bvh, retarget

@@ -12,7 +12,7 @@ from distretarget.body.body import Body
 from distretarget.measure.comparison import Reference
 from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_region_contacts
 from distretarget.measure.metrics import BY_KEY
-from distretarget.measure.part_frames import difference, find_part_frames
+from distretarget.measure.skin import difference, find_part_frames
 from distretarget.skin.capsules import SEGMENTS
 
 FEET_TOGETHER = {"LeftKnee": np.array([0, 0, -0.1]), "RightKnee": np.array([0, 0, 0.1])}

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, needs_corpus
 from click.testing import CliRunner
-from clips import CLIPS
-from edits import ARMS_AND_LEGS, edited
+from clips import ARMS_AND_LEGS, CLIPS, edited
 
 from distretarget import DistretargetError, Motion, Options, read_bvh, retarget, write_bvh
 from distretarget.body.body import Body

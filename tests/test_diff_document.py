@@ -19,7 +19,7 @@ from distretarget.report.diff_document import About, csv_lines, csv_text, docume
 from distretarget.report.page import VERSION
 
 ABOUT = About(a="a.bvh", b="b.bvh", command="distretarget diff a.bvh b.bvh")
-OF_RUN = ["turned", "needless", "shaking", "pop", "not_converged"]
+OF_RUN = ["turned", "arm_deviation", "shaking", "pop", "not_converged"]
 OF_SKIN = ["skin_depth", "part_depth", "skin_frames"]  # of bodies whose thickness is known
 ERRORS = [metric.key for metric in METRICS if metric.judged == "value" and metric.key not in OF_RUN + OF_SKIN]
 NONE = {"support_skate", "support_height", "palm_turn"}  # where only feet rest, and there are no fingers
@@ -38,7 +38,7 @@ COLUMNS = [
     *("hips_height", "trunk_tilt", "head_tilt", "palm_turn", "sole_tilt", "heading", "splay"),
     *("hips_acceleration_source", "hips_acceleration"),
     *("support_skate_source", "support_skate", "support_height"),
-    *("turned", "needless", "shaking"),
+    *("turned", "arm_deviation", "shaking"),
     *("pop", "not_converged", "stress", "jerk_source", "jerk", "turn"),
 ]
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from animals import on_a_root
 from bodies import matched, person, posed, sample, sample_target, with_bone
-from sample_rigs import rig
 from scipy.spatial.transform import Rotation
+from zoo import rig
 
 from distretarget import Motion, MotionError, Options, read_bvh, retarget, write_bvh
 from distretarget.baseline.engine_root import find_engine_root, path_carriers

@@ -11,7 +11,7 @@ import pybvh
 import pytest
 from bodies import of_samples_and_corpus, sample, swaying, tree_of
 from bvh_texts import assert_same_joints
-from edits import ARMS_AND_LEGS, edited
+from clips import ARMS_AND_LEGS, edited
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, read_bvh, retarget, write_bvh

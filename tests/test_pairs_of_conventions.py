@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from bodies import CORPUS, body_of, nameless, needs_corpus
 from named_bodies import DATA, needs_names, published
-from sample_rigs import CONVENTIONS, rig
+from zoo import CONVENTIONS, rig
 
 from distretarget import DistretargetError, read_bvh
 from distretarget.body.anatomy import ARM, LEG, SIDES

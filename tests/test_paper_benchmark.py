@@ -5,8 +5,7 @@ import re
 import numpy as np
 import pytest
 from bodies import ROOT
-from paper_case import EDITS, POSTURE, case, on_table_one
-from paper_solver import checks
+from paper_case import EDITS, POSTURE, case, checks, on_table_one
 from paper_tables import edit_cells, pair_rows, pairs_table, spine_table
 from table_one import table_one
 

@@ -32,7 +32,7 @@ BY = {
     "a crouch": "hips_height_largest",
     "palms turned by 90 degrees": "turned",
     "a trunk that leans by 20 degrees": "trunk_tilt",
-    "an arm 25 degrees out without need": "needless",
+    "an arm 25 degrees out without need": "arm_deviation",
     "legs 10 degrees apart": "splay",
     "legs that pass through each other": "splay",
     "hips that shake": "hips_acceleration",
@@ -45,7 +45,7 @@ OF_SOLVER = {
     "a head 30 degrees down": "head_tilt",
     "left and right exchanged": "direction_error_p99",
     "a trunk that leans by 20 degrees": "trunk_tilt",
-    "an arm 25 degrees out without need": "needless",
+    "an arm 25 degrees out without need": "arm_deviation",
 }
 
 

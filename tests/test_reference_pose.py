@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from bodies import SAMPLES, WAYS, matched, moved, person, posed, sample, turned
 from built_rigs import BUILDS, along_bones, bones_along_y, with_axes
-from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
 from skeleton_edits import on_skeleton, with_chain, with_offset
+from zoo import CONVENTIONS, rig
 
 from distretarget import MatchingError, MotionError, match, read_bvh, retarget
 from distretarget.baseline.rotation_copy import rest_alignment

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from bodies import CORPUS, SAMPLES, moved, needs_corpus
-from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
+from zoo import CONVENTIONS, rig
 
 from distretarget import read_bvh, retarget
 from distretarget.baseline.world import axis_vector

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import HERO, sample, sample_target, swaying
-from sample_rigs import rig
+from zoo import rig
 
 from distretarget import Skeleton, load_target, retarget
 from distretarget.body.body import Body

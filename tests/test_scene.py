@@ -420,10 +420,10 @@ def heroes(tmp_path):
 
 def test_who_looks_to_minus_z_moves_among_others_as_who_looks_to_z(heroes):
     back, ahead = map(load_target, heroes)
-    assert back.skeleton.looks_back
+    assert back.skeleton.faces_negative_z
     mixed, alike = (retarget_scene(walks(), [one, ahead]) for one in (back, ahead))
     for one, other in zip(mixed.results, alike.results, strict=True):
-        assert not one.motion.skeleton.looks_back
+        assert not one.motion.skeleton.faces_negative_z
         # The triangles of the two files are in other orders, and so are the points on them that skins are measured at.
         np.testing.assert_allclose(one.motion.positions, other.motion.positions, atol=0.01)
     vertices = [np.unique(each.results[0].mesh.vertices.round(5), axis=0) for each in (mixed, alike)]
@@ -436,7 +436,7 @@ def test_the_file_of_who_looks_to_minus_z_is_that_of_retarget(heroes, tmp_path):
     write_motion(tmp_path / "scene.vrm", apart.results[0].motion, heroes[0])
     write_motion(tmp_path / "alone.vrm", retarget(walks()[0], targets[0]).motion, heroes[0])
     scene, alone = (read_motion(tmp_path / f"{name}.vrm") for name in ("scene", "alone"))
-    assert scene.skeleton.looks_back
+    assert scene.skeleton.faces_negative_z
     rise = scene.positions[0, 0] - alone.positions[0, 0]  # a scene has one floor for all
     np.testing.assert_allclose(rise[[0, 2]], 0.0, atol=1e-6)
     np.testing.assert_allclose(scene.positions, alone.positions + rise, atol=1e-6)

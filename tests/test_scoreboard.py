@@ -12,8 +12,7 @@ from distretarget import retarget, write_motion
 pytest.importorskip("igl")
 import scoreboard
 from contestants import Contestant
-from skin_measures import Sinking, Solid, gap_error, gap_to
-from skins import PARTS, Skin
+from skins import PARTS, Sinking, Skin, Solid, gap_error, gap_to
 
 CORNERS = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
 QUADS = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))

@@ -12,7 +12,7 @@ from distretarget.body.body import Body
 from distretarget.body.build import capsules_of
 from distretarget.body.segments import find_segments
 from distretarget.body.skin_anchors import AnchoredSkin
-from distretarget.measure.part_frames import find_part_frames
+from distretarget.measure.skin import find_part_frames
 from distretarget.skin.capsules import SEGMENTS
 
 WALK = sample("walk")[60:190]

@@ -396,7 +396,7 @@ def test_a_metric_above_its_limit_has_a_warning():
 
 
 def test_a_metric_is_worse_than_the_copy_beyond_what_is_too_small_to_look_at():
-    rival = metric(rivals_copy=True, least=0.1)
+    rival = metric(compared_with_copy=True, least=0.1)
     assert [rival.worse_than_copy(of_sides(1.2, copy)) for copy in (1.0, 1.15, None)] == [True, False, False]
     assert not metric(least=0.1).worse_than_copy(of_sides(1.2, 1.0))
     assert not rival.worse_than_copy({"result": {"gap": 9.0}})

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import HERO, SAMPLES, in_world, moved, onto, person, posed, short_walk, spun
-from sample_rigs import CONVENTIONS, rig
 from scipy.spatial.transform import Rotation
+from zoo import CONVENTIONS, rig
 
 from distretarget import Body, Options, diff, load_target, read_bvh, retarget
 from distretarget.baseline.world import World, find_root_offset, with_root_offset
@@ -213,7 +213,7 @@ def test_a_root_without_positions_keeps_its_offset():
 
 def test_bodies_that_look_the_other_way_by_convention_turn_round():
     clip = short_walk()
-    back = replace(clip.skeleton, looks_back=True)
+    back = replace(clip.skeleton, faces_negative_z=True)
     result = retarget(clip, back)
     half = Rotation.from_euler("Y", 180, degrees=True)
     near(result.motion.positions, half.apply(clip.positions.reshape(-1, 3)).reshape(clip.positions.shape))

@@ -62,9 +62,7 @@ VIEWS = {"front": Camera(0.0, 10.0), "side": Camera(90.0, 10.0), "three-quarter"
 
 @dataclass(frozen=True)
 class Cell:
-    """One stick figure: points, (joints, 3), Y up, relative to an origin on the floor below the body; `ground`, (3,),
-    the origin in the world; both in body heights; and the size of the body relative to that height.
-    """
+    """A stick figure: points, (joints, 3), Y up, from an origin on the floor, `ground`, (3,) [body heights]."""
 
     skeleton: Skeleton
     points: Array
@@ -75,10 +73,7 @@ class Cell:
 def cells(
     motion: Motion, frames: Sequence[int], size: float, up: Array | None = None, floor: float | None = None
 ) -> list[Cell]:
-    """Frames as figures, each moved to the origin; a motion that stays on the spot is moved as a whole. Lengths are
-    divided by `size`; `up`, (3,), by default the skeleton's, is turned to Y; the default floor is the lowest joint of
-    all frames.
-    """
+    """Frames as figures, each moved to the origin, on the spot as a whole; lengths over `size`, `up` turned to Y."""
     turn, _ = Rotation.align_vectors([0.0, 1.0, 0.0], axis_vector(motion.skeleton.up or "Y") if up is None else up)
     points = motion.positions @ turn.as_matrix().T / size
     points[..., 1] -= points[..., 1].min() if floor is None else floor / size
@@ -92,9 +87,7 @@ def cells(
 
 
 def figures_of(result: RetargetResult, frames: Sequence[int]) -> list[list[Cell]]:
-    """Frames of source, rotation copy and result, equally tall, without helper joints such as IK handles and props;
-    each stands on the source's floor, scaled.
-    """
+    """Frames of source, copy and result, equally tall, without helper joints, on the source's floor, scaled."""
     source, target, figures = result.matching.source, result.matching.target, []
     floors = source.lowest(result.world.up_vector) * np.array([1.0, result.root_scale, result.root_scale])
     motions = (result.source, source), (result.rotation_copy, target), (result.motion, target)
@@ -243,10 +236,8 @@ def write_loop(
     dpi: int,
     still: int,
 ) -> None:
-    """Write a GIF that repeats for ever, and the scene with the number `still` as a PNG of the same size.
-
-    A column is a figure that changes in place: a cell for every scene, each shown for some seconds. Labels are from
-    left to right, equally many columns for each. A body is 2.3 inches tall.
+    """Write a GIF that repeats for ever, and the scene `still` as PNG. A column is a figure that changes in place: a
+    cell for every scene. Labels are from left to right, equally many columns for each. A body is 2.3 inches tall.
     """
     stage = Stage.around(columns, VIEWS[view])
     images = []

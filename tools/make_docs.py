@@ -47,9 +47,7 @@ COMMANDS = re.compile(r"\n\nCommands:\n.*", re.DOTALL)  # the page's headings ha
 
 
 def reference() -> str:
-    """The help text of every command, `retarget` first, without examples, which the guides have, and without lists of
-    commands; an option that commands share is listed once.
-    """
+    """The help texts of all commands, without examples and lists of commands; options in common are listed once."""
     first: dict[tuple[str, str], str] = {}  # the first command with an option and its text
     sections = []
     for context in sorted(contexts(), key=lambda each: (each.parent is not None, each.info_name != "retarget")):

@@ -98,9 +98,7 @@ def _text(node: ast.AST) -> str:
 
 
 def page() -> str:
-    """The text of the page: under each heading, the messages without a cure of their own, grouped by their cures,
-    except for the usual cures.
-    """
+    """The page: under each heading, the messages without a cure of their own, grouped by cures that are not usual."""
     left, sections = messages(), []
     for heading, files in HEADINGS.items():
         here = [message for message in left if message.file.startswith(tuple(files.split()))]

@@ -111,9 +111,7 @@ STUDIO = {
 
 
 def write_studio(folder: Path, running: Browser) -> None:
-    """Write pictures of the studio with a clip on a character: the first while a contact is made, the second with the
-    list of joint pairs.
-    """
+    """Write pictures of the studio: while a contact is made, and with the list of joint pairs."""
     files = map(str, (SAMPLES / "clap.bvh", CHARACTERS / "hero.glb"))
     command = [sys.executable, "-m", "distretarget", "studio", *files, "--no-browser"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as studio:

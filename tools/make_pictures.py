@@ -147,9 +147,7 @@ def draw_handover(path: Path) -> None:
     grip = walk.positions[:, walk.skeleton.index("LeftWrist")]
     upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(walk), 3, 1))
     stick = Prop(
-        name="stick",
-        motion=Motion(skeleton, grip, upright, walk.frame_time_text),
-        held_by=(Grip(0, "LeftWrist"),),
+        name="stick", motion=Motion(skeleton, grip, upright, walk.frame_time_text), held_by=(Grip(0, "LeftWrist"),)
     )
     taken = Plant(plant="right hand", on="stick", frames=HELD)
     columns: dict[str, list[Motion]] = {}
@@ -209,7 +207,7 @@ def _write_scenes(path: Path, columns: dict[str, list[Motion]], view: str, dpi: 
     write_picture(path, [scene], [""], [list(columns)], VIEWS[view], dpi)
 
 
-HAND, OTHER, HELD = "left hand", "right hand", (100, 150)
+HAND, HELD = "left hand", (100, 150)
 MIDDLE = 125  # of `HELD`
 PICTURES: dict[str, Callable[[Path], None]] = {
     "clap_long_arms.png": draw_clap,

@@ -23,9 +23,7 @@ SAMPLES, CHARACTERS = ROOT / "sample_bvh", ROOT / "sample_characters"
 
 
 def write_samples(folder: Path) -> None:
-    """Write all clips into a folder, those with known supports into `supports`, and the performers and props of each
-    scene into a folder of `scenes`; replace files of the same names.
-    """
+    """Write all clips into a folder, `supports`, and `scenes` with performers and props; files are replaced."""
     motions = {name: clip() for name, clip in CLIPS.items()}
     motions |= {f"supports/{name}": sample().motion for name, sample in SUPPORTED.items()}
     for scene_name, make_scene in SCENES.items():

@@ -10,7 +10,7 @@ of `segments`.
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from itertools import product
 from pathlib import Path
 
@@ -54,17 +54,15 @@ def mean_of(data: Path, people: Iterable[tuple[str, str]], build: str, rig: str)
     return fitted, SkinnedMesh(vertices, mesh.joints, mesh.weights, mesh.triangles)
 
 
-def skeleton_of(rig: Rig, ends: Mapping[int, np.ndarray] | None = None) -> Skeleton:
-    """The skeleton of a rig, with End Sites at these offsets by joint [dm]."""
-    x, parents, more = rig.bones.positions, rig.bones.parents, ends or {}
-    count = len(x) + len(more)
+def skeleton_of(rig: Rig) -> Skeleton:
+    """The skeleton of a rig [dm]."""
+    x, parents = rig.bones.positions, rig.bones.parents
     return Skeleton(
-        names=(*rig.bones.names, *("End Site" for _ in more)),
-        parents=np.array([*parents, *more]),
-        offsets=np.array([*(x - np.where(parents[:, None] >= 0, x[parents], 0.0)), *more.values()]),
-        channels=tuple((POSITION_CHANNELS if parent < 0 else ()) + DEFAULT_ROTATIONS for parent in parents)
-        + ((),) * len(more),
-        end_sites=np.arange(count) >= len(x),
+        names=rig.bones.names,
+        parents=np.array(parents),
+        offsets=x - np.where(parents[:, None] >= 0, x[parents], 0.0),
+        channels=tuple((POSITION_CHANNELS if parent < 0 else ()) + DEFAULT_ROTATIONS for parent in parents),
+        end_sites=np.zeros(len(x), bool),
         up="Y",
     )
 

@@ -284,9 +284,7 @@ def shrug(lift: ArrayLike, reach: ArrayLike) -> Rotation:
 
 
 def straight_arm(side: str, chest: Place, fingers: Points, reach: float) -> Points:
-    """(frames, 3), the wrist of a straight arm. `fingers` are unit vectors of the left arm in the chest's frame,
-    `reach` is a fraction of the arm's length.
-    """
+    """The wrist of a straight arm, (frames, 3), with its fingers along a direction; `reach` of its length."""
     position, rotation = chest
     shoulder = OFFSET["LeftCollar"] + _collar(fingers).apply(OFFSET["LeftShoulder"])
     return position + rotation.apply(on_side(side, shoulder + fingers * reach * ARM_LENGTH))

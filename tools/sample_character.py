@@ -50,9 +50,7 @@ SUIT, SKIN, DARK = (0.09, 0.30, 0.46), (0.80, 0.55, 0.42), (0.06, 0.05, 0.07)  #
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """The joints in the bind pose: names, parents, -1 for the root, positions and ends of bones, (joints, 3) each, and
-    world rotations.
-    """
+    """The joints in the bind pose: parents, -1 for the root, positions and ends of bones, (joints, 3), rotations."""
 
     names: tuple[str, ...]
     parents: tuple[int, ...]
@@ -160,21 +158,13 @@ PARTS = (  # body, colour, box, cell, whether of the left side alone
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """The parts of the mesh of one colour.
+    """The parts of the mesh of one colour."""
 
-    Attributes:
-        name: of the material.
-        colour: linear red, green, blue.
-        surface: of the bodies.
-        joints: (points, 4), of `joints()`.
-        shares: (points, 4), their weights in 255ths.
-    """
-
-    name: str
-    colour: tuple[float, float, float]
+    name: str  # of the material
+    colour: tuple[float, float, float]  # linear red, green, blue
     surface: Surface
-    joints: NDArray[np.intp]
-    shares: NDArray[np.intp]
+    joints: NDArray[np.intp]  # (points, 4), of `joints()`
+    shares: NDArray[np.intp]  # (points, 4), their weights in 255ths
 
 
 def mesh(bones: Joints) -> list[Part]:

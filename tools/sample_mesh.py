@@ -21,17 +21,11 @@ STEP = 1e-4  # of finite differences [cm]
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """The surface of a body.
+    """The surface of a body."""
 
-    Attributes:
-        points: (points, 3).
-        normals: (points, 3), unit vectors outwards.
-        triangles: (triangles, 3), counter-clockwise from outside.
-    """
-
-    points: Array
-    normals: Array
-    triangles: NDArray[np.intp]
+    points: Array  # (points, 3)
+    normals: Array  # (points, 3), unit vectors outwards
+    triangles: NDArray[np.intp]  # (triangles, 3), counter-clockwise from outside
 
 
 # ---- bodies
@@ -98,9 +92,7 @@ def both_sides(body: Body) -> Body:
 
 
 def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface:
-    """The surface of a body within a box, by surface nets: a point in each cell of a grid that it crosses, moved onto
-    it (Gibson 1998, https://doi.org/10.1007/BFb0056277).
-    """
+    """The surface of a body within a box, by surface nets (Gibson 1998, https://doi.org/10.1007/BFb0056277)."""
     low = np.asarray(low, float)
     counts = np.ceil((np.asarray(high, float) - low) / cell).astype(int) + 1
     corners = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
@@ -174,9 +166,8 @@ def normals_of(points: Array, triangles: NDArray[np.intp]) -> Array:
 
 
 def weights(points: Array, starts: Array, ends: Array, blend: float, sides: Array) -> tuple[NDArray[np.intp], Array]:
-    """The joints that move each point and their weights, (points, 4) each: the nearest bone, and bones that are farther
-    by less than `blend`. `sides`, (joints,), is 1 for joints that move points with x > 0 only, -1 for the other side,
-    and 0 for those in the middle.
+    """The joints that move each point and their weights, (points, 4): the nearest bone, and others within `blend`.
+    `sides`, (joints,), is 1 for joints of points with x > 0, -1 for x < 0, and 0 for the middle.
     """
     distances = np.stack([_to_line(points, start, end) for start, end in zip(starts, ends, strict=True)], axis=1)
     distances = distances + 3.0 * np.maximum(0.35 * blend - sides * points[:, :1], 0.0) * (sides != 0)

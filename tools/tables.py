@@ -31,8 +31,8 @@ def mean_and_largest(values: ArrayLike, form: str) -> str:
 
 
 def with_tables(page: Path, tables: Mapping[str, str]) -> str:
-    """The text of a page with tables, or other generated parts, replaced between the lines `<!-- name -->`, or
-    `<!-- name: ... -->`, and `<!-- end -->`.
+    """The text of a page with generated parts replaced between `<!-- name -->`, or `<!-- name: ... -->`, and `<!-- end
+    -->`.
     """
     text = page.read_text("utf-8")
     for name, rows in tables.items():

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from sample_rigs import rig
 from scipy.spatial.transform import Rotation
 from skeleton_edits import (
     LYING,
@@ -31,13 +30,35 @@ from skeleton_edits import (
     z_up,
 )
 
-from distretarget import Motion, Skeleton, retarget
+from distretarget import Motion, Skeleton, load_target, retarget
 from distretarget.body.anatomy import SIDES
 from distretarget.skeleton import POSITION_CHANNELS
 
 INWARDS = {"left": -1.0, "right": 1.0}  # along X
 TABLES: Mapping[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
 BUILDS, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "fingers", "hands", "handles"))
+
+
+# ---- the sample rigs: an adult of about 1.75 m (segment lengths: Winter, Biomechanics and Motor Control, 4.1)
+
+RIGS = Path(__file__).resolve().parents[1] / "sample_bvh" / "rigs"
+CONVENTIONS = ("mixamo", "xsens", "lafan1", "unreal")
+RIG_POSES = ("T", "A")
+
+
+def rig(convention: str, pose: str) -> Skeleton:
+    """The skeleton of a convention in a rest pose [cm]; the root's OFFSET puts its feet on the floor.
+
+    In "T" the arms point sideways, in "A" 45 degrees below the horizontal. "X" is the rest pose of LAFAN1's files, in
+    which nobody can stand: see `LYING`.
+    """
+    if pose != "X":
+        return load_target(RIGS / f"{convention}_{pose.lower()}.json").skeleton
+    if convention != "lafan1":
+        raise ValueError(f"only lafan1 has pose X, not {convention}")
+    standing = rig("lafan1", "T")
+    skeleton = with_axes(standing, LYING["X"].axes(standing))
+    return skeleton.with_offsets(skeleton.offsets.round(6))
 
 
 # ---- conventions: the names of the joints, and the order of the rotation channels

@@ -29,9 +29,7 @@ UPSIDE_DOWN = -0.5  # a body with a smaller cosine between its up axis and the w
 
 
 def path_carriers(skeleton: Skeleton, body: Numbers) -> list[int] | None:
-    """Return the joints that carry the path of a root without position channels: of each branch the topmost joint that
-    has them. Empty if the root has them; None if a joint of the `body` has no such joint above it.
-    """
+    """Return the topmost joints that carry the path of a root without position channels; None if some have none."""
     if set(POSITION_CHANNELS) <= set(skeleton.channels[0]):
         return []
     moving = [set(POSITION_CHANNELS) <= set(channels) for channels in skeleton.channels]
@@ -45,9 +43,7 @@ def path_carriers(skeleton: Skeleton, body: Numbers) -> list[int] | None:
 
 
 def along_channels(motion: Motion, body: Numbers) -> Motion:
-    """Return a motion whose root moves only along its position channels. Its `path_carriers` keep their positions; if
-    there are none for the whole `body`, (joints,), the body stays where the root is.
-    """
+    """Return a motion whose root moves only along its channels; its `path_carriers` keep their positions."""
     skeleton, carriers = motion.skeleton, path_carriers(motion.skeleton, body)
     if carriers == []:
         return motion
@@ -121,9 +117,8 @@ class EngineRoot:
 
 
 def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows | None = None) -> EngineRoot:
-    """Return which joints of the target are placed after solving, and how. By default the root follows the source's
-    root if that stays on the floor and moves or drives the target's root, and else the target's pelvis. A MotionError
-    if it `follows` the "source", and that has no root on the floor.
+    """Return which joints are placed after solving, and how. By default the root follows the source's root on the floor
+    if that moves, else the pelvis. A MotionError if it `follows` a source's root that is not there.
     """
     body = matching.target
     handles = {handle: joint for handle, joint in body.handles.items() if matching.drivers[handle] < 0}
@@ -135,9 +130,7 @@ def find_engine_root(matching: Matching, scale: RootScale, follows: RootFollows 
 
 
 def _moving(body: Body, handles: Collection[int], roots: Collection[int]) -> tuple[int, ...]:
-    """The joints that move without moving the body: handles, the root if on the floor, and their descendants outside
-    the body. The root is excluded unless each part of the body below it has all six channels and so can stay in place.
-    """
+    """The joints that move without the body: handles, a root on the floor, and what hangs from these outside it."""
     skeleton, regions = body.skeleton, body.regions.of_joint
     moving = {0} if 0 in roots and skeleton.moves_freely(0) else set()
 
@@ -188,9 +181,7 @@ def _carried_axes(body: Body, motion: Motion, joint: int) -> Rotation:
 
 
 def _heading(turned: Rotation, up: Array) -> Array:
-    """(frames,), the heading of rotations, unwrapped [rad]: the twist about the unit vector `up`, so that lying down
-    keeps it. It is interpolated while the body is upside down.
-    """
+    """(frames,), the heading of rotations, unwrapped [rad]: the twist about `up`, interpolated while upside down."""
     quaternions = turned.as_quat()
     angles = 2 * np.arctan2(quaternions[:, :3] @ up, quaternions[:, 3])
     known = np.flatnonzero(turned.apply(up) @ up > UPSIDE_DOWN)

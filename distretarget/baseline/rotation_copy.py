@@ -175,9 +175,7 @@ def find_root_scale(matching: Matching) -> float:
 
 
 def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
-    """Return the root's path, (frames, 3) [target file units], that moves the midpoint of the hip joints along the
-    source's scaled path; without legs, the root's path in the rotation copy `baseline`.
-    """
+    """Return the root's path, (frames, 3) [target file units], that moves the hips along the source's scaled path."""
     if matching.legs is None:
         return np.ascontiguousarray(baseline.root_positions)
     source_hips, hips = (
@@ -188,9 +186,8 @@ def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:
 
 
 def longest_strides(matching: Matching) -> float:
-    """Return the largest factor of the strides, relative to leg length, that the legs can reach; infinite without legs,
-    and if resting feet are farther below their hip joints than legs are long. A foot that rests at a distance d along
-    the floor from its hip joint and h below it can reach s d with (s d)^2 + (h - sink)^2 = (leg length)^2.
+    """Return the largest factor of the strides, relative to leg length, that the legs can reach, by (s d)^2 + (h -
+    sink)^2 = (leg length)^2 for feet that rest at d along the floor and h below their hip joint; or infinite.
     """
     if matching.legs is None:
         return float("inf")
@@ -206,9 +203,7 @@ def longest_strides(matching: Matching) -> float:
 
 
 def common_level_scale(heights: Sequence[float], longest: Sequence[float]) -> float:
-    """Return the scale along the floor for all performers of a world: the mean of their `RootScale.height`, in
-    `heights`, or less if somebody's legs cannot reach so far, by the `longest_strides` of each, in `longest`.
-    """
+    """Return the scale along the floor for all: the mean of `heights`, or less if somebody's legs are too short."""
     if len(heights) == 1:
         return heights[0]
     return float(min(np.mean(heights), *np.multiply(heights, longest)))

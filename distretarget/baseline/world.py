@@ -61,9 +61,7 @@ class World:
         return source.with_motion(self.turned(motion), self.up)
 
     def turned(self, motion: Motion) -> Motion:
-        """Return a motion in the source's world turned to the axes of the target's: by the least rotation from one up
-        axis to the other, and by `half_turn`.
-        """
+        """Return a motion turned to the axes of the target's world, by the least rotation, and by `half_turn`."""
         if self.source_up == self.up and not self.half_turn:
             return motion
         up = self.up_vector
@@ -92,14 +90,12 @@ def find_world(
     motion_counts = target.anatomy is not None or source.anatomy is None
     up = target_up or target.skeleton.up or (target.up_in_motion if motion_counts else None)
     up = up or (source_up if target.up_at_rest in (None, source.up_at_rest) else target.up_at_rest)
-    half_turn = source.skeleton.looks_back != target.skeleton.looks_back
+    half_turn = source.skeleton.faces_negative_z != target.skeleton.faces_negative_z
     return World(source_up, up, root_offset or find_root_offset(source, axis_vector(source_up)), half_turn)
 
 
 def find_root_offset(body: Body, up: Array) -> RootOffset:
-    """Return whether the root's position channels replace its OFFSET or are added to it: added if only this puts the
-    feet on the floor, at height 0. `up` is the unit vector up.
-    """
+    """Return whether the root's channels replace its OFFSET or are added, if only this puts feet on the floor."""
     motion, length = body.motion, body.leg_length
     if motion is None or not length or not set(POSITION_CHANNELS) <= set(motion.skeleton.channels[0]):
         return "replaced"
@@ -127,12 +123,8 @@ def raised_onto_soles(matching: Matching, scale: float | None = None, undersides
 
 def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | None = None) -> float:
     """Return the height by which to raise the source, so that the target's flat feet stand on the floor at height 0
-    [source file units]: on the soles of its mesh, or without a mesh at their height in the bind pose, which includes
-    soles that no joint shows.
-
-    Without a mesh only the file of a character shows the floor (`Skeleton.floor_at_zero`). The height is 0 if resting
-    feet of the source, or the target's feet in the rest pose, are not near height 0, or if both are the same rig.
-    `scale` is that of the root's path; `undersides` are the skins of both bodies, if they are known.
+    [source file units]: on the soles of its mesh, or at their height in the bind pose of a character
+    (`Skeleton.floor_at_zero`). 0 if resting feet are not near height 0, or both are the same rig.
     """
     target, (source_leg, leg) = matching.target, matching.leg_lengths
     if matching.is_same_rig:
@@ -152,9 +144,7 @@ def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | N
 
 
 def _floor_of_source(matching: Matching, on_mesh: bool) -> float:
-    """The height of the source's floor [source file units]: the median of the lowest joints of its flat feet, or, if
-    feet are to stand `on_mesh`, the floor under its soles; infinite where no foot rests.
-    """
+    """The height of the source's floor: the median of flat feet, or the floor under soles `on_mesh`; or infinite."""
     motion, up, length = matching.source_motion, matching.target.up_vector, matching.leg_lengths[0]
     legs = matching.legs[0] if matching.legs else ()
     feet = [(leg, sole) for leg, (sole, _) in zip(legs, matching.soles, strict=True)]

@@ -57,9 +57,7 @@ class AuditedClip:
 
 
 def audit(paths: Iterable[Path], clip: str | None = None, pictures: bool = False) -> list[AuditedClip]:
-    """Return the audited clips of some files, in their order, with or without pictures. Each animation in a file is a
-    clip, unless `clip` names one.
-    """
+    """Return the audited clips of some files; each animation in a file is a clip, unless `clip` names one."""
     clips = [_audited(path, number, pictures) for path in paths for number in ([clip] if clip else animations_of(path))]
     rigs = defaultdict(list)
     for each in clips:
@@ -82,6 +80,7 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
     if "unreadable" in findings:
         return audited
     body = Body.of_motion(motion)
+    sampled = np.linspace(0, len(motion) - 1, min(COMPARED_FRAMES, len(motion))).astype(int)
     return replace(
         audited,
         rig=(motion.skeleton.names, motion.skeleton.parents.tobytes()),
@@ -90,7 +89,7 @@ def _audited(path: Path, clip: str | None, pictures: bool) -> AuditedClip:
         leg=body.leg,
         up=body.up,
         pictures=dict(_pictures(motion, body, findings)) if pictures else {},
-        positions=_sampled_positions(motion, body.leg),
+        positions=np.asarray((motion.positions[sampled] - motion.positions[0, 0]) / body.leg, np.float32),
     )
 
 
@@ -103,11 +102,6 @@ def _pictures(motion: Motion, body: Body, findings: Findings) -> Iterator[tuple[
             marked = skeleton.keys.index(found.where) if found.where in skeleton.keys else -1
             label = f"frames {first} to {end - 1}"
             yield kind, stick_figures(skeleton.parents, motion.positions[first:end], body.up_vector, label, marked)
-
-
-def _sampled_positions(motion: Motion, leg: float) -> NDArray[np.float32]:
-    frames = np.linspace(0, len(motion) - 1, min(COMPARED_FRAMES, len(motion))).astype(int)
-    return np.asarray((motion.positions[frames] - motion.positions[0, 0]) / leg, np.float32)
 
 
 def _find_duplicates(clips: Sequence[AuditedClip]) -> None:

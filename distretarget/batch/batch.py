@@ -115,13 +115,9 @@ class Batch:
         self.pages.check(self.clips, self.recipe.map_file.path)
 
     def convert(self, workers: Workers, tally: Tally, show: Show = lambda _record: None) -> None:
-        """Retarget the clips that are not done, count them, and write the pages.
-
-        `show` is called with each clip's record, or None for a clip that was done before.
-
-        Raises:
-            BatchError: the workers are gone, or a clip failed and `fail_fast` is set.
-            FileError: the page about all clips cannot be written.
+        """Retarget the clips that are not done, count them, and write the pages; `show` gets each clip's record, or
+        None for one done before. A BatchError if the workers are gone or `fail_fast` stops it, a FileError if a page
+        cannot be written.
         """
 
         def count(record: BatchRecord | None) -> None:
@@ -175,7 +171,8 @@ class Batch:
         except DistretargetError as error:
             self._finish(Result({**record, "error": str(error)}), show)
             return
-        yield replace(job, about=self.pages.about_at_once(clip))
+        at_once = self.pages.index and self.pages.reports is None  # all clips get a report
+        yield replace(job, about=self.pages.about(clip.path, PurePath(clip.output)) if at_once else None)
 
     def _report_jobs(self, records: Sequence[BatchRecord]) -> Iterator[Job]:
         """The jobs of clips that still need a report on their present output."""
@@ -281,8 +278,15 @@ def convert_folder(
         SettingsError: an argument has the wrong type, or is out of bounds.
     """
     check_kind("recipe", recipe, Recipe)
-    _check_words(include, exclude, formats)
-    _check_numbers(jobs, reports, time_limit)
+    for name, words in (("include", include), ("exclude", exclude), ("formats", formats)):
+        check_kind(name, words, Sequence)
+    for each in formats:
+        check_choice("formats", each, OUTPUT_FORMATS)
+    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
+        check_kind(name, number, int, NoneType)
+        check_number(name, least if number is None else number, least, sys.maxsize)
+    if time_limit is not None:
+        check_number("time_limit", time_limit, *TIME_LIMITS)
     check_path("folder", folder)
     paths = _listed("sources", sources)
     found, unread = find_clips(paths, (), include, exclude, arrays=skeleton is not None)
@@ -310,21 +314,6 @@ def convert_folder(
     with closing(Processes(jobs or cores())) as workers:
         batch.convert(workers, tally)
     return tally
-
-
-def _check_words(include: Sequence[str], exclude: Sequence[str], formats: Sequence[str]) -> None:
-    for name, words in (("include", include), ("exclude", exclude), ("formats", formats)):
-        check_kind(name, words, Sequence)
-    for each in formats:
-        check_choice("formats", each, OUTPUT_FORMATS)
-
-
-def _check_numbers(jobs: int | None, reports: int | None, time_limit: float | None) -> None:
-    for name, number, least in (("jobs", jobs, 1), ("reports", reports, 0)):
-        check_kind(name, number, int, NoneType)
-        check_number(name, least if number is None else number, least, sys.maxsize)
-    if time_limit is not None:
-        check_number("time_limit", time_limit, *TIME_LIMITS)
 
 
 def _listed(name: str, paths: str | Path | Sequence[str | Path]) -> list[Path]:

@@ -54,9 +54,7 @@ class Job:
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a job: the record of the clip and, if done, the contents of its outputs by path, of character files
-    only the animation, and the HTML of its report.
-    """
+    """The result of a job: the record and, if done, contents by path, of characters the animation, and its report."""
 
     record: BatchRecord
     outputs: Mapping[str, Output] = field(default_factory=dict)

@@ -37,16 +37,11 @@ PLAYED = 24  # clips in the player of the page about all clips
 HEAD = 4096  # the first characters of a page, in which MARK and OUTPUT_MARK are looked for
 
 
-def is_parquet(path: Path) -> bool:
-    """Return whether a table of this name is written as Parquet."""
-    return path.suffix.lower() == ".parquet"
-
-
 def check_table(path: Path) -> None:
     """Raise an error if no table can be written to a file of this name."""
     if path.suffix.lower() not in TABLES:
         raise FileError(path, f"the ending says what to write, expected one of {', '.join(TABLES)}")
-    if is_parquet(path) and find_spec("pyarrow") is None:
+    if path.suffix.lower() == ".parquet" and find_spec("pyarrow") is None:
         raise MissingPackageError(
             "Parquet needs the package pyarrow; install it with `pip install pyarrow`, or write .csv", path
         )
@@ -55,7 +50,7 @@ def check_table(path: Path) -> None:
 def table(path: Path, records: Iterable[BatchRecord]) -> bytes | Iterator[str]:
     """Return the content of a table with a row for each record; CSV in parts."""
     rows = map(_row, records)
-    return _parquet(rows) if is_parquet(path) else csv_lines(TABLE, rows)
+    return _parquet(rows) if path.suffix.lower() == ".parquet" else csv_lines(TABLE, rows)
 
 
 def _row(record: BatchRecord) -> dict[str, Any]:
@@ -109,10 +104,6 @@ class Pages:
             elif not is_folder(existing) or not os.access(existing, os.W_OK | os.X_OK):
                 raise FileError(path, f"nothing can be written to {str(existing)!r}")
 
-    def about_at_once(self, clip: PlannedClip) -> About | None:
-        """Return the `About` for a clip's report if all clips get one, made together with its result; else None."""
-        return self.about(clip.path, PurePath(clip.output)) if self.index and self.reports is None else None
-
     def without_report(self, records: Sequence[BatchRecord]) -> Iterator[str]:
         """Yield the outputs that should have a report, but have none on their present content."""
         for record in _worst_done(records)[: self.reports] if self.index else ():
@@ -130,9 +121,7 @@ class Pages:
             self.problems[path] = error
 
     def write(self, records: Sequence[BatchRecord]) -> None:
-        """Write the table of all clips in the folder of results, and a table and the page about the clips with these
-        records, which are sorted; a FileError if that fails.
-        """
+        """Write the table of all clips in the folder, and table and page about the clips with these records."""
         metrics, database = self.results.folder / METRICS, self.results.database
         check_inside(metrics, self.results.folder)
         with database.tabulating() as has_news:  # locks out other runs, whose table might have fewer records
@@ -155,7 +144,8 @@ class Pages:
     def _is_own(self, path: Path) -> bool:
         """Whether this program wrote a file."""
         if path.suffix.lower() in TABLES:
-            return PARQUET_MARK in _tail(path) if is_parquet(path) else _head(path).startswith(TABLE_HEAD)
+            is_text = path.suffix.lower() == ".csv"
+            return _head(path).startswith(TABLE_HEAD) if is_text else PARQUET_MARK in _tail(path)
         return MARK in _head(path)
 
     def _report_path(self, output: str) -> Path:

@@ -46,16 +46,13 @@ def find_clips(
     exclude: Sequence[str] = (),
     arrays: bool = False,
 ) -> tuple[list[tuple[Path, PurePath]], list[FileError]]:
-    """Return the clips in files and folders, (path, path of the result in the folder of results, without suffix), and
-    the errors of files and folders that cannot be searched.
+    """Return the clips in files and folders, (path, path of the result without suffix), and the errors of files and
+    folders that cannot be searched. Links are followed, except in loops; hidden files, and files of scenes, are left
+    out.
 
-    In folders, files named *.bvh, *.glb, *.gltf, *.vrma and *.fbx are clips, with `arrays` also *.npz and *.npy, except
-    hidden files and those of scenes, in folders with a scene.json. Links are followed, except in loops. Results keep
-    the tree of a folder; with several sources, below the folder's name. Results of files in `sources` go to the top;
-    those of `listed` files keep their tree below the deepest folder that contains them all.
-
-    `include` and `exclude` are shell patterns for the names of files in folders, or for their paths in the folder.
-    Patterns that end in / or have no wildcards also match names and paths of folders.
+    Results keep the tree of a folder; with several sources, below the folder's name. Results of `listed` files keep
+    their tree below the deepest folder that contains them all. `include` and `exclude` are shell patterns for names of
+    files in folders, or their paths there; patterns that end in / or have no wildcards also match folders.
     """
     clips: list[tuple[Path, PurePath]] = []
     unread: list[FileError] = []
@@ -82,15 +79,10 @@ def plan(
     kinds: Sequence[str] = (),
     animation: str | None = None,
 ) -> list[PlannedClip]:
-    """Plan to retarget every clip found to every target, the largest clips first.
-
-    Results go into `folder`, with several targets into a folder for each. `kinds` are their formats, such as "glb" and
-    "npz"; "own", the default, is the target's if it is glTF, else BVH. A file with several animations becomes a folder
-    with a clip for each, unless `animation` names one.
-
-    Raises:
-        BatchError: two results would have the same path, a result would replace a clip or a target, or `folder` is
-            inside one of `sources`.
+    """Plan to retarget every clip found to every target, the largest clips first. Results go into `folder`, with
+    several targets into a folder for each; `kinds` are their formats, "own" by default. A file with several animations
+    becomes a folder, unless `animation` names one. A BatchError if two results would have the same path, one would
+    replace a clip or a target, or `folder` is inside one of `sources`.
     """
     for source in sources:
         if is_folder(source) and folder.resolve().is_relative_to(source.resolve()):
@@ -132,9 +124,7 @@ def plan(
 
 
 def animations_of(path: Path) -> dict[str | None, str]:
-    """Return the animations of a file, such as "#2", with a file name for each result; {None: ""} if there are none or
-    one.
-    """
+    """Return the animations of a file, such as "#2", each with a file name; {None: ""} if it has fewer than two."""
     names, named = tuple[str, ...](), format_of_name(path)
     if named and named.has_characters:
         with suppress(DistretargetError):  # reading the clip will report it
@@ -166,7 +156,9 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
         if SCENE_NAME in files:
             folders.clear()
             continue
-        folders[:] = [name for name in folders if name[0] != "." and not _leads_back(Path(inside, name), folder)]
+        above = [Path(inside), *Path(inside).parents, *folder.resolve().parents]  # links to these are left out
+        below = [Path(inside, name) for name in folders if name[0] != "."]
+        folders[:] = [each.name for each in below if not (each.is_symlink() and any(map(each.samefile, above)))]
         for path in (Path(inside, name) for name in files if name[0] != "."):
             is_clip = path.suffix.lower() in suffixes
             try:
@@ -179,11 +171,6 @@ def _files_below(folder: Path, unread: list[FileError], suffixes: Collection[str
                 yield path.relative_to(folder)
             elif is_clip:
                 unread.append(FileError(path, "is not a regular file"))
-
-
-def _leads_back(path: Path, folder: Path) -> bool:
-    """Whether a path below a folder is a link to one of its ancestors, inside or above that folder."""
-    return path.is_symlink() and any(path.samefile(each) for each in (*path.parents, *folder.resolve().parents))
 
 
 def _result(place: PurePath) -> PurePath:

@@ -74,9 +74,7 @@ def results_of(record: BatchRecord) -> dict[str, str]:
 
 
 def packed(record: BatchRecord) -> Packed:
-    """Pack a record in four parts: the settings, and the values that depend on the rig, as JSON that many clips share;
-    the other values that are not empty, compressed; the metrics as float32, nan if not measured, compressed.
-    """
+    """Pack a record: settings, and values of the rig, as JSON that clips share; others and metrics, compressed."""
     values = cast(dict[str, Any], record)
     settings = json.dumps({**{key: values[key] for key in SETTINGS}, "columns": [*COLUMNS]})
     rig = json.dumps({key: values[key] for key in RIG})

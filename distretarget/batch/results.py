@@ -58,11 +58,7 @@ class Database:
     """The database in a folder of results, in which the newest record of a clip is the valid one."""
 
     def __init__(self, folder: Path, read_only: bool = False) -> None:
-        """Open the database of a folder; unless `read_only`, make both if they do not exist.
-
-        Raises:
-            FileError: that fails, or the file is not the database of a batch.
-        """
+        """Open a folder's database; unless `read_only`, make both. A FileError if the file is no batch's database."""
         self.path, self._run = folder / DATABASE, secrets.token_hex(4)
         if not read_only:
             make_folder(folder)
@@ -105,11 +101,7 @@ class Database:
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
-        """Keep other runs from writing, and commit the block's changes, or if it raises an error none of them.
-
-        Raises:
-            FileError: the database cannot be written.
-        """
+        """Keep other runs from writing, and commit the block's changes; none of them if it raises an error."""
         if self._connection.in_transaction:
             yield
             return
@@ -162,12 +154,7 @@ class Database:
             raise FileError(self.path, REASONS[sqlite3.SQLITE_CORRUPT]) from error
 
     def add(self, record: BatchRecord, there: Collection[str | None] = ()) -> None:
-        """Add the record of a clip and delete its earlier ones, except records of results that still exist; `there` has
-        the hashes of the files at the paths of its results.
-
-        Raises:
-            FileError: the database cannot be written; then nothing has changed.
-        """
+        """Add the record of a clip and delete its earlier ones, but those of results that still exist, by `there`."""
         parts = packed(record)
         with self.transaction():
             self._do("PRAGMA user_version = 0")
@@ -224,9 +211,7 @@ class Results:
         return database
 
     def known(self, record: BatchRecord, outputs: Sequence[str]) -> BatchRecord | None:
-        """Return the record of the existing results, and make it the clip's newest, if they were made from the files
-        and settings in `record`; else None.
-        """
+        """Return the record of the results if they exist and were made as `record` says, as the newest; else None."""
         hashes = [(name, hash_of_file(self.folder / name)) for name in outputs] if not self.overwrite else []
         if not hashes or not all(each for _, each in hashes):
             return None
@@ -239,9 +224,7 @@ class Results:
         return None
 
     def check_replaceable(self, record: BatchRecord, name: str) -> None:
-        """Raise a FileError if replacing the file at a result's path needs --overwrite: no batch made it, or it is the
-        result of another clip or target.
-        """
+        """Raise a FileError if replacing a result needs --overwrite: no batch made it, or from other files."""
         path = self.folder / name
         if self.overwrite or not os.path.lexists(path):
             return
@@ -258,10 +241,8 @@ class Results:
         self.database.add(record, {hash_of_file(self.folder / name) for name in outputs} - {None})
 
     def put(self, record: BatchRecord, contents: Mapping[str, Parts]) -> BatchRecord:
-        """Write the results of a clip, by their paths in the folder, the first one last, and return its record.
-
-        Raises:
-            FileError: a result cannot be written; then the first one is unchanged.
+        """Write the results of a clip by path, the first last; return its record. A FileError leaves the first as it
+        was.
         """
         first, *others = contents
         hashes = {name: hash_of(*parts) for name, parts in contents.items()}
@@ -299,22 +280,16 @@ def _is_other(recorded: str, path: str) -> bool:
 
 
 def clips_folder(path: Path) -> Path:
-    """Return the folder beside a merged file that has its clips as BVH until the file is written, so that an
-    interrupted run continues where it stopped.
-    """
+    """Return the folder beside a merged file with its clips as BVH until it is written, to continue if interrupted."""
     return path.with_name(f"{path.name}.clips")
 
 
 def write_merged(
     path: Path, target: TargetFile, clips: Sequence[PlannedClip], settings: OutputSettings, overwrite: bool
 ) -> int:
-    """Write a character file with an animation for each clip that is done, sorted by name; return their number. If all
-    are done, the folder of clips is deleted, and the table of their metrics is moved beside the file.
-
-    An animation has its clip's name, in a tree of folders its path.
-
-    Raises:
-        DistretargetError: the file cannot be written.
+    """Write a character file with an animation for each clip that is done, by name; return their number. If all are
+    done, the folder of clips is deleted, and the table of metrics moved beside the file. A DistretargetError if that
+    fails.
     """
     folder = clips_folder(path)
     done = [PurePath(clip.output) for clip in clips if (folder / clip.output).is_file()]

@@ -112,9 +112,7 @@ def _severity(record: BatchRecord) -> tuple[float, str]:
 
 
 def alignment_text(matching: Matching) -> str:
-    """Return the alignment of two matched bodies as a short text: a hash of the source's rig, and the rotations of
-    `SPREAD_ROLES`; empty if the target has no anatomy.
-    """
+    """Return the alignment of two bodies as text: a hash of the source's rig, and rotations; empty without anatomy."""
     if matching.target.anatomy is None:
         return ""
     packed = np.round(SCALE * role_rotations(matching)).astype("<i2").tobytes()
@@ -166,10 +164,8 @@ def _unpacked(text: str) -> Array | None:
 
 
 def largest_spread(rotations: Array) -> tuple[float, int, int, int]:
-    """Return the largest angle found between the rotations of a joint in two clips [degrees], the joint, and the clips.
-
-    `rotations` are quaternions (clips, joints, 4), of any length, zero if unknown. For each joint, all clips are
-    compared with the one farthest from the first, which finds at least half of the largest angle.
+    """Return about the largest angle between the rotations of a joint in two clips [degrees], the joint, and the clips.
+    `rotations` are (clips, joints, 4), zero if unknown. All are compared with that farthest from the first.
     """
     joints = np.arange(rotations.shape[1])
     one = _angles(rotations, rotations[0]).argmax(axis=0)

@@ -123,12 +123,7 @@ class Processes:
 
 
 class _Process:
-    """A process that retargets clips one after the other.
-
-    Attributes:
-        pipe: this end of the connection to the process.
-        jobs: its jobs, of which the first is running.
-    """
+    """A process, at `pipe`, that retargets its `jobs` one after the other; the first is running."""
 
     def __init__(self, context: ForkServerContext | SpawnContext) -> None:
         self.jobs, self._began = deque[Job](), 0.0
@@ -147,9 +142,7 @@ class _Process:
             self.pipe.send(job)
 
     def receive(self) -> Result | None:
-        """Return the result of the first job, or None if the process has just started; an EOFError or OSError if it has
-        died.
-        """
+        """Return the first job's result, None after the start; an EOFError or OSError if the process has died."""
         result: Result | None = self.pipe.recv()
         self._began = time.monotonic()
         return result
@@ -168,9 +161,7 @@ class _Process:
 
 
 def _work(pipe: connection.Connection[Result | None, Job], temporary: str) -> None:
-    """Retarget the clips that come through a pipe, until the parent closes it or dies; then remove temporary files.
-    Ctrl-C is ignored: the parent handles it.
-    """
+    """Retarget the clips that come through a pipe, until the parent closes it; then remove temporary files."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_SETMASK, [])
@@ -196,10 +187,8 @@ def _work(pipe: connection.Connection[Result | None, Job], temporary: str) -> No
 
 @contextmanager
 def _worker_environment() -> Iterator[None]:
-    """Set the environment variables that workers get when started in the block; signals are delayed meanwhile.
-
-    Workers import from the same folders as this process, but not from the working directory, which may have another
-    copy of this program. They do not warn about semaphores that are left when this process is killed.
+    """Set the environment variables that workers get when started in the block; signals are delayed. Workers import
+    from the same folders, but not from the working directory, and do not warn of semaphores left by a kill.
     """
     before = dict(os.environ)
     path = os.pathsep.join(str(Path(folder).absolute()) for folder in sys.path)
@@ -217,10 +206,7 @@ class Cluster:
     """A Dask cluster, whose scheduler moves jobs of dead workers to others."""
 
     def __init__(self, address: str, waiting: Callable[[str], object]) -> None:
-        """Connect to the scheduler at an address; raise a BatchError if none answers or the cluster has no workers.
-
-        If all workers leave later, `waiting` is called with a message.
-        """
+        """Connect to a scheduler; a BatchError if none answers or it has no workers. `waiting` hears if all leave."""
         import asyncio  # here, since it is slow to import
 
         try:
@@ -251,14 +237,11 @@ class Cluster:
         self._running[self._executor.submit(run, job)] = job
 
     def finished(self) -> Iterator[tuple[Job, Result]]:
-        """Wait until a clip is finished, or some time, and yield all finished jobs with their results.
-
-        Raises:
-            BatchError: the cluster is gone.
-        """
+        """Wait until a clip is finished, and yield finished jobs with results; a BatchError if the cluster is gone."""
         done, _ = wait(self._running, CHECK_INTERVAL, FIRST_COMPLETED)
-        if not done:
-            self._remind()
+        if not done and not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
+            self._next_reminder = time.monotonic() + REMINDER  # it may get new ones
+            self._waiting("the Dask cluster has no workers")
         for future in done:
             job = self._running.pop(future)
             try:
@@ -268,12 +251,6 @@ class Cluster:
             except Exception as error:  # of the cluster, for this clip only
                 result = job.failed(f"{job.source.path}: {type(error).__name__}: {error}")
             yield job, result
-
-    def _remind(self) -> None:
-        """Report, at most once per `REMINDER`, that the cluster has no workers; it may get new ones."""
-        if not self._client.scheduler_info()["workers"] and time.monotonic() >= self._next_reminder:
-            self._next_reminder = time.monotonic() + REMINDER
-            self._waiting("the Dask cluster has no workers")
 
     def close(self) -> None:
         """Disconnect from the cluster; unfinished jobs are dropped."""
@@ -295,12 +272,9 @@ Workers = Processes | Cluster
 
 
 def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
-    """Retarget clips, a few at a time, and yield the results in the order in which they are finished.
-
-    If a worker dies, its clip is tried again at the end, with no others running; if it dies again, the clip fails.
-
-    Raises:
-        BatchError: the workers are gone, or die as they start.
+    """Retarget clips, a few at a time, and yield the results as they are finished. If a worker dies, its clip is tried
+    again at the end, alone; if it dies again, the clip fails. A BatchError if the workers are gone, or die as they
+    start.
     """
     died = []
     for job, result in _finished(workers, jobs):

@@ -49,7 +49,7 @@ class Anatomy:
         convention: the naming convention of the joints, such as "Mixamo"; empty where none is recognised.
         method: whether the roles were recognised by the joints' names or by the shape of the skeleton, or are stated by
             the humanoid in the file.
-        exchanged: the limbs whose names say the other side: "arms", "legs", or both as "sides"; empty for none.
+        swapped_sides: the limbs whose names say the other side: "arms", "legs", or both as "sides"; empty for none.
     """
 
     roles: Mapping[str, int]
@@ -57,7 +57,7 @@ class Anatomy:
     neck: tuple[int, ...]
     convention: str
     method: Literal["names", "shape", "humanoid"]
-    exchanged: str = ""
+    swapped_sides: str = ""
 
     def __hash__(self) -> int:
         return hash((frozenset(self.roles.items()), self.spine, self.neck))

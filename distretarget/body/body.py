@@ -389,7 +389,8 @@ class Body:
     @property
     def mirrored(self) -> Body:
         """The same body with left and right exchanged in its anatomy."""
-        anatomy = self.anatomy and replace(self.anatomy.mirrored, exchanged="" if self.anatomy.exchanged else "sides")
+        own = self.anatomy
+        anatomy = own and replace(own.mirrored, swapped_sides="" if own.swapped_sides else "sides")
         return replace(self, anatomy=anatomy)
 
     def standing_as(self, rest: Motion) -> Body:

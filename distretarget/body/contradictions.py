@@ -81,7 +81,7 @@ def with_correct_sides(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -
         side, part = side_and_part(role)
         of_limb = side and (part in LEG) == (wrong == "legs")
         roles[other[side] + part if of_limb else role] = joint
-    return replace(anatomy, roles=roles, exchanged=wrong)
+    return replace(anatomy, roles=roles, swapped_sides=wrong)
 
 
 def knee_bends(anatomy: Anatomy, positions: Array) -> Array:

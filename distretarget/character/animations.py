@@ -22,9 +22,8 @@ SAME_KEY = 1e-5  # keys this near to each other are at the same time [s]; times 
 
 
 def choose_animation(path: str | Path, names: Sequence[str], clip: str | None) -> int | None:
-    """Return the index of the animation named `clip`, or of the only one if `clip` is None; None if the file has none.
-    "#2" is the second, for animations without a unique name. A FileError if there is no such animation, or if `clip` is
-    None and there are several.
+    """Return the index of the animation named `clip`, "#2" being the second, or of the only one; None without any. A
+    FileError if there is no such animation, or if `clip` is None and there are several.
     """
     times = Counter(names)
     shown = [name if name and times[name] == 1 else f"#{number}" for number, name in enumerate(names, start=1)]
@@ -55,9 +54,7 @@ def frame_times(keys: Array, rate: float) -> Array:
 
 
 def own_rate(keys: Array, stated: float | None = None) -> float:
-    """Return the frame rate of keys, (keys,), ascending [s]: the slowest of at least `LEAST_RATE` whose frames include
-    all keys, else the rate `stated` in the file, or a usual one [frames/s].
-    """
+    """Return the slowest rate, at least `LEAST_RATE`, whose frames have all keys, else the `stated` or a usual one."""
     steps = np.diff(keys)
     steps = steps[steps > SAME_KEY]
     if not len(steps):

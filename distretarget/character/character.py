@@ -160,9 +160,7 @@ class Character:
 
 @dataclass(frozen=True, eq=False)
 class DeformCharacter(Character):
-    """A character whose skeleton has some of the nodes as joints, in another tree than the file's. Control bones stay
-    as in the file; a bone whose parent is one gets keys of its translation as well, so that the mesh does not tear.
-    """
+    """A character whose joints are some of the nodes, in another tree; bones below controls get keys of translation."""
 
     whole: Character  # the character with all nodes as joints
     bones: NDArray[np.intp]  # (joints,), the joint of the whole character that each joint is
@@ -193,9 +191,7 @@ class DeformCharacter(Character):
         return self.whole.animation(moved, name)
 
     def _above_in_file(self, motion: Motion) -> tuple[Rotation, Array]:
-        """The world rotation of the parent node of each bone in the file, and its position, (frames, joints, 3). These
-        nodes move with the nearest bone above them, or not at all.
-        """
+        """World rotations and positions of each bone's parent in the file, which moves with the nearest bone above."""
         skeleton = self.whole.skeleton
         joints = {bone: joint for joint, bone in enumerate(self.bones.tolist())}
         lines = [skeleton.to_root(bone)[1:] for bone in joints]
@@ -235,9 +231,7 @@ def _reparented(character: Character, tree: Reparented) -> DeformCharacter:
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:
-    """Return the parent deform bone (`DEF-`) of each deform bone, -1 for none, from the names of all bones and their
-    parents, in any order; empty for a rig without deform bones, or one whose own tree has these parents.
-    """
+    """Return the parent deform bone (`DEF-`) of each, -1 for none; empty if there are none, or the tree has these."""
     plain = [NUMBER.sub("", name) for name in names] if all(map(NUMBER.search, names[1:])) else names
     deforming = {name.removeprefix(DEFORMS): bone for bone, name in enumerate(plain) if name.startswith(DEFORMS)}
     own = {bone: bone for bone in sorted(deforming.values())}

@@ -37,10 +37,9 @@ UNEVEN = 1e-3  # the axes of unevenly scaled nodes differ by more than this; an 
 
 
 def joint_nodes(scene: CharacterScene) -> tuple[list[int], list[int], tuple[str, ...]]:
-    """Return the nodes above the root, from the top; the nodes that are joints, parents before children; and a warning
-    if the file has other skeletons. Joints are the nodes of skins and humanoid, or without these the nodes with names
-    of the parts of a body, or else the nodes that an animation rotates; and all nodes between. A FileError if there are
-    no joints, too many, or no common root.
+    """Return the nodes above the root, from the top; the joints, parents first; and a warning of other skeletons.
+    Joints are the nodes of skins and humanoid, or with the names of a body, or that turn, and all between. A FileError
+    if there are none, too many, or no common root.
     """
     nodes = scene.nodes
     wanted, left_out = _wanted(scene)
@@ -123,9 +122,7 @@ def _named(nodes: Nodes) -> list[int]:
 
 
 def bind_poses(nodes: Nodes, skins: Sequence[SkinBinding]) -> dict[int, Array]:
-    """Return the world transform, (4, 4), of each joint of the skins in the bind pose. If several skins have a joint,
-    the skin with the topmost joint decides, of several the largest; the others are placed to match.
-    """
+    """Return the bind pose of the skins' joints in the world, (4, 4). The skin with the topmost joint decides."""
     found: dict[int, Array] = {}
     depth = np.argsort(nodes.top_down)
     for skin in sorted(skins, key=lambda skin: (depth[skin.joints].min(initial=len(nodes)), -len(skin.joints))):
@@ -155,13 +152,10 @@ def are_regular(matrices: Array) -> NDArray[np.bool_]:
 
 
 def _mesh_space(meshes: Array, shown: Array, inverse_binds: Array) -> Array:
-    """The transform of the mesh's space to the world, (4, 4), from the file's world transforms of the nodes with the
-    meshes, (nodes, 4, 4), and of the joints, `shown`, (joints, 4, 4), topmost first, and inverse bind matrices.
-
-    A joint in its bind pose implies that space: its transform times its inverse bind matrix. If the topmost joint
-    implies the world's space or that of a mesh's node, this is taken: a bent spine takes all joints above it along.
-    Else the space that most joints imply is taken; if most joints imply different ones, the world's or a mesh's node's
-    that is nearest to that of the topmost joint.
+    """The transform of the mesh's space to the world, (4, 4), from world transforms of its nodes and of joints, topmost
+    first. Each joint in its bind pose implies one, `shown` times inverse bind. That of the topmost joint counts if it
+    is the world's or a mesh's node's, since a bent spine takes all joints above it along; else that which most joints
+    imply; else the nearest known to the topmost joint's.
     """
     implied = shown @ inverse_binds
     extent = float(np.ptp(shown[:, :3, 3], axis=0).max())
@@ -197,9 +191,7 @@ def _spread(spaces: Array, most: int = 16) -> Array:
 
 
 def character_of(scene: CharacterScene) -> Character:
-    """Return the character of a file, whose joints are those of `joint_nodes`, without controls if it has deform
-    bones. A FileError if it has no such nodes, or too many; a SkeletonError if they form no valid skeleton.
-    """
+    """Return the character of a file, without controls if it has deform bones; a FileError or SkeletonError."""
     scene, flat = _without_flat_scales(scene)
     above, joints, left_out = joint_nodes(scene)
     line = [*above, *joints]
@@ -257,9 +249,7 @@ def _scale_warnings(scene: CharacterScene, line: Sequence[int], hidden: Sequence
 
 
 def _bind_transforms(shown: Nodes, binds: Sequence[Array | None], size: float) -> Array:
-    """The world transforms of nodes in the bind pose, (nodes, 4, 4), with their scales in the file. Nodes without a
-    bind pose, such as those above the joints, have their pose in the file; so have, exactly, nodes whose pose is near.
-    """
+    """(nodes, 4, 4), in the bind pose, with the file's scales; nodes without one, or near it, are posed as there."""
     world = np.empty((len(shown), 4, 4))
     for node, (parent, bind) in enumerate(zip(shown.parents.tolist(), binds, strict=True)):
         base = world[parent] if parent >= 0 else np.eye(4)
@@ -305,9 +295,7 @@ def _character(
 
 
 def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Skeleton:
-    """The skeleton of nodes with these positions in the bind pose, (nodes, 3). The root has position channels, and if
-    the hips are below it, also the hips and all joints outside the body, such as IK handles.
-    """
+    """The skeleton of nodes at these places, (nodes, 3); joints outside the body have position channels, too."""
     own = scene.nodes.among(nodes)
     joints = {node: joint for joint, node in enumerate(nodes)}
     skeleton = Skeleton(
@@ -318,7 +306,7 @@ def _skeleton(scene: CharacterScene, nodes: Sequence[int], places: Array) -> Ske
         end_sites=np.zeros(len(nodes), bool),
         units=scene.units,
         up=scene.up,
-        looks_back=scene.looks_back,
+        faces_negative_z=scene.faces_negative_z,
         floor_at_zero=True,
         humanoid=tuple((bone, joints[node]) for bone, node in scene.humanoid.items()),
     )

@@ -41,9 +41,8 @@ class MeshPart:
 def skinned_mesh(
     character: Character, nodes: Nodes, parts: Sequence[MeshPart], materials: tuple[Material, ...] = ()
 ) -> SkinnedMesh | None:
-    """Return the mesh of a character, or None if its joints move no part of it; `nodes` are all nodes of the file.
-    Vertices are posed by their bones with the skeleton in its rest pose; nodes that are no joints move with the nearest
-    joint above. A FileError if a vertex is too far away.
+    """Return the mesh of a character, posed as its skeleton at rest, or None; nodes that are no joints move with the
+    nearest above. A FileError if a vertex is too far away.
     """
     count = sum(len(part.triangles) for part in parts)
     step = max(-(-count // MOST_TRIANGLES), 1)

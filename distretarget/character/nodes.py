@@ -109,7 +109,7 @@ class CharacterScene:
     humanoid: Mapping[str, int]  # the node of each bone by VRM 1.0's names, such as "leftUpperArm"; empty without VRM
     animations: tuple[str, ...]  # the names, in the order of the file; maybe empty or not unique
     animation: Animation | None  # the chosen one, or the only one
-    looks_back: bool = False  # whether its characters face -Z, as in VRM 0
+    faces_negative_z: bool = False  # whether its characters face -Z, as in VRM 0
     notes: tuple[str, ...] = ()  # a line on each thing in it that is not read
     units: str | None = "m"  # of the nodes' translations; None if the file does not state it
     up: str | None = "Y"  # None if the file does not state it
@@ -163,9 +163,8 @@ class Curve:
 def sampled(
     path: str | Path, name: str, curves: Mapping[str, Mapping[int, Curve]], fps: float | None, most: int
 ) -> Animation:
-    """Return an animation's curves, by property and node, sampled at `fps` frames/s, else at the rate of its keys
-    (`own_rate`). If that makes too many samples and keys are equally spaced, they are the frames. `most` bounds the
-    samples by the size of the file [bytes]. A FileError if nothing is animated, or if the animation is too long.
+    """Return an animation's curves sampled at `fps`, else at the rate of its keys, or if that is too much at evenly
+    spaced keys. A FileError if nothing is animated, or too long for a file of `most` bytes.
     """
     every = [curve for of_nodes in curves.values() for curve in of_nodes.values()]
     if not every:

@@ -115,14 +115,10 @@ def main() -> None:
         sys.stderr.flush()
     except OSError as error:
         sys.stdout = None  # Python would flush it again at exit
-        status = _complain(_fault(error), 1)
+        # An error without a file is about standard output, unless too many files are open.
+        place = "" if error.errno in (errno.EMFILE, errno.ENFILE) else "standard output"
+        status = _complain(": ".join(filter(None, (error.filename or place, reason_of(error)))), 1)
     sys.exit(status)
-
-
-def _fault(error: OSError) -> str:
-    """The message of an OSError. One without a file is about standard output, unless too many files are open."""
-    place = "" if error.errno in (errno.EMFILE, errno.ENFILE) else "standard output"
-    return ": ".join(filter(None, (error.filename or place, reason_of(error))))
 
 
 def _replace_closed_streams() -> None:

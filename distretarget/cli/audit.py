@@ -78,18 +78,16 @@ def audit_command(
     faulty = [each for each in clips if each.faults(limits)]
     if faulty:
         head = ("clip", "frames", "frames/s", "leg", "up", "faults")
-        say(*table_lines([head, *(_row(each, limits) for each in faulty)], "<>>><<"))
+        shown = [head]
+        for each in faulty:
+            faults = "; ".join(fault_text(kind, found) for kind, found in each.faults(limits).items())
+            rig = (str(each.frames), f"{1 / each.frame_time:.4g}", f"{each.leg:.3g}", each.up) if each.rig else "----"
+            shown.append((each.name, *rig, faults))
+        say(*table_lines(shown, "<>>><<"))
     say(*summary_lines(clips, limits))
     complain(*(f"not searched: {error}" for error in unread))
     if faulty or unread:
         click.get_current_context().exit(1)
-
-
-def _row(clip: AuditedClip, limits: Mapping[str, float]) -> tuple[str, ...]:
-    faults = "; ".join(fault_text(kind, found) for kind, found in clip.faults(limits).items())
-    if not clip.rig:
-        return clip.name, "-", "-", "-", "-", faults
-    return clip.name, str(clip.frames), f"{1 / clip.frame_time:.4g}", f"{clip.leg:.3g}", clip.up, faults
 
 
 def _cells(clip: AuditedClip, limits: Mapping[str, float]) -> dict[str, object]:

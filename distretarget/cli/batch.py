@@ -90,10 +90,7 @@ LONGEST_PATH = 40_000  # more than any system allows [characters]
     help="Write a single file to -o, .glb, .gltf or .vrm: TARGET with each result as an animation.",
 )
 @click.option(
-    "--jobs",
-    type=click.IntRange(1),
-    metavar="N",
-    help="The number of processes. Default: one for each available core.",
+    "--jobs", type=click.IntRange(1), metavar="N", help="The number of processes. Default: one for each available core."
 )
 @click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
 @click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")
@@ -162,8 +159,14 @@ def batch_command(
     listed = [*dict.fromkeys(_listed(input_list))] if input_list else []
     if not sources and input_list is None:
         raise click.UsageError("no sources; expected files, folders or --input-list.")
-    _check_machine(dask, jobs, time_limit)
-    _check_sources(sources)
+    if jobs and dask is not None:
+        raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
+    if time_limit and dask is not None:
+        raise click.UsageError("--time-limit ends processes of this machine; give either --time-limit or --dask.")
+    if STANDARD in sources:
+        raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
+    if missing := [source for source in sources if not os.path.lexists(source)]:
+        raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
     found, unread = find_clips(sources, listed, include, exclude, arrays=recipe_files.skeleton_path is not None)
     if not merge and folder.suffix.lower() in OUTPUTS and not is_folder(folder):
         raise click.UsageError(f"{folder}: results go into a folder; with --merge, -o names a file for all of them.")
@@ -207,22 +210,6 @@ def _sources_and_targets(sources: Sequence[Path], targets: Sequence[Path]) -> tu
         if is_folder(targets[0]):
             raise click.UsageError(f"{targets[0]} is a folder; the last argument is the target, or give --target.")
     return tuple(dict.fromkeys(sources)), [TargetFile.of(load_file(path)) for path in dict.fromkeys(targets)]
-
-
-def _check_machine(dask: str | None, jobs: int | None, time_limit: float | None) -> None:
-    """Check that options for this machine are not combined with a cluster."""
-    if jobs and dask is not None:
-        raise click.UsageError("--jobs sets the processes of this machine; give either --jobs or --dask.")
-    if time_limit and dask is not None:
-        raise click.UsageError("--time-limit ends processes of this machine; give either --time-limit or --dask.")
-
-
-def _check_sources(sources: Sequence[Path]) -> None:
-    """Check that the files and folders exist."""
-    if STANDARD in sources:
-        raise click.UsageError("results are named after their sources, and standard input has no name; give a file.")
-    if missing := [source for source in sources if not os.path.lexists(source)]:
-        raise click.UsageError(f"{missing[0]}: there is no such file or folder.")
 
 
 def _listed(lines: TextIO) -> Iterator[Path]:

@@ -332,9 +332,7 @@ def _props(a: SceneInput, b: SceneInput) -> list[str]:
 def _performers(
     a: SceneInput, b: SceneInput, names: Sequence[str], setup: SceneSetup | None, map_path: Path | None
 ) -> dict[str, Diff]:
-    """Measure each performer of B against the same one of A, with the up axes of the first for all. Without `map_path`,
-    the maps of the scene file that made B apply.
-    """
+    """Measure each performer of B against A's, with the up axes of the first; maps are those of `setup` by default."""
     maps = {each.name: each.map_path for each in setup.performers} if setup and not map_path else {}
     measured: dict[str, Diff] = {}
     ups: dict[str, str] = {}

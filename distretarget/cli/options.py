@@ -308,15 +308,14 @@ class RecipeFiles:
 
 
 def conversion_options(*own: Decorator) -> Decorator:
-    """Add the options of a conversion to a command, which receives them as `recipe_files`, and some options of its own,
-    listed between those of retargeting and of writing.
-    """
+    """Add the options of a conversion to a command, which receives them as `recipe_files`, and its `own` options."""
 
     def with_recipe(command: Command, skin: SkinMode | Path, **given: Any) -> None:
         given["skin"] = "auto" if isinstance(skin, Path) else skin
         if skin == "none" and given["source_skin"]:
             raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
-        options, edits, writing = (_pop_settings(kind, given) for kind in (Options, Edits, OutputSettings))
+        kinds: tuple[type[Any], ...] = (Options, Edits, OutputSettings)
+        options, edits, writing = (kind(**{each.name: given.pop(each.name) for each in fields(kind)}) for kind in kinds)
         explicit = click.get_current_context().get_parameter_source("supports") is not ParameterSource.DEFAULT
         if options.objective == "paper" and explicit and options.supports != "free":
             raise click.UsageError(
@@ -336,8 +335,3 @@ def conversion_options(*own: Decorator) -> Decorator:
         return _with((*READING, *EDITING, *RETARGETING, *own, *WRITING), wrapped)
 
     return decorate
-
-
-def _pop_settings(kind: type[Any], given: dict[str, Any]) -> Any:
-    """Settings of a kind, made of their fields, which are removed from `given`."""
-    return kind(**{field.name: given.pop(field.name) for field in fields(kind)})

@@ -47,9 +47,7 @@ def read_input(path: Path) -> InputFile:
 def write_outputs(
     contents: Mapping[Path | None, Callable[[], Content]], overwrite: bool, replaced: Path | None = None
 ) -> None:
-    """Make the contents of all outputs, then write each with `write_whole`, or to standard output; skip the path None.
-    The file `replaced` may exist even without `overwrite`.
-    """
+    """Make the contents of all outputs, then write each; skip the path None. The file `replaced` may exist."""
     made = {path: content() for path, content in contents.items() if path}
     for path, content in made.items():
         if path == STANDARD:
@@ -62,10 +60,8 @@ def write_outputs(
 def check_outputs(
     outputs: Sequence[Path | None], inputs: Sequence[Path | None], overwrite: bool, replaced: Path | None = None
 ) -> None:
-    """Check, before any work, that outputs can be written and that no two files are the same; skip None. The file
-    `replaced` may exist even without `overwrite`.
-
-    If an output is standard output, `say` prints to standard error from now on.
+    """Check, before any work, that outputs can be written and no two files are the same; skip None. The file `replaced`
+    may exist. If an output is standard output, `say` prints to standard error from now on.
     """
     for paths, what in ((inputs, "input"), (outputs, "output")):
         if paths.count(STANDARD) > 1:
@@ -94,12 +90,8 @@ def check_suffix(path: Path | None, suffix: str) -> None:
         raise FileError(path, f"the output is {kind}, so its name has to end in {suffix}, such as {str(better)!r}")
 
 
-def is_quiet() -> bool:
-    """Whether the running command has the option --quiet."""
-    return _is_set(QUIET)
-
-
-def _is_set(key: str) -> bool:
+def is_quiet(key: str = QUIET) -> bool:
+    """Whether the running command has the option --quiet, or another key in its `meta`."""
     context = click.get_current_context(silent=True)
     return context is not None and bool(context.meta.get(key))
 
@@ -107,7 +99,7 @@ def _is_set(key: str) -> bool:
 def say(*lines: str, err: bool = False) -> None:
     """Print lines, unless --quiet is given."""
     if not is_quiet():
-        _print(lines, err or _is_set(OUTPUT_TAKEN))
+        _print(lines, err or is_quiet(OUTPUT_TAKEN))
 
 
 def complain(*lines: str) -> None:
@@ -132,9 +124,7 @@ def table_lines(rows: Sequence[Sequence[str]], sides: str) -> Iterator[str]:
 
 
 def about(a: PurePath, b: PurePath) -> About:
-    """Return what a report says of this run: the command, and the names of both clips, with their folders if the names
-    are equal. Absolute paths are reduced to names, so that a report can be shared.
-    """
+    """Return what a report says of this run; absolute paths are reduced to names, so that a report can be shared."""
     names = ["/".join(path.parts[-2:]) if a.name == b.name else path.name for path in (a, b)]
     words = [PurePath(word).name if PurePath(word).is_absolute() else word for word in sys.argv[1:]]
     return About(a=names[0], b=names[1], command=shlex.join(["distretarget", *words]))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import get_args
@@ -170,19 +170,14 @@ def retarget_command(
     write_outputs(contents, overwrite, onto)
     content = ()  # frees its numbers before metrics are measured
     left_out = body.target.warnings if isinstance(body.target, CharacterTarget) else ()
-    _print_warnings(result, (*done.left_out(lost), *left_out), verbose)
+    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
+    say(*(_verbose_lines(result) if verbose else others), err=True)
+    warnings = (*parts_without_source(result.matching), *done.left_out(lost), *left_out, *result.warnings)
+    say(*(f"warning: {warning}" for warning in warnings), err=True)
     if kind == "BVH":
         skeleton = named.motion.skeleton
         say(*refusals(skeleton), *(python_refusals(skeleton) if verbose else ()), err=True)
     say(summary_line(result, seconds))
-
-
-def _print_warnings(result: RetargetResult, left_out: Sequence[str], verbose: bool) -> None:
-    """Print the joints without a source, the parts of the files that are left out, and the warnings."""
-    others = (f"{joints}; see -v" for joints in others_without_source(result.matching))
-    say(*(_verbose_lines(result) if verbose else others), err=True)
-    warnings = (*parts_without_source(result.matching), *left_out, *result.warnings)
-    say(*(f"warning: {warning}" for warning in warnings), err=True)
 
 
 def _check_order(source: InputFile, target: InputFile, output: Path) -> None:

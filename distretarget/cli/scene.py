@@ -203,9 +203,7 @@ def _retarget_folder(path: Path, results: Results, report: Path | None) -> None:
 
 
 def _retarget_unless_done(file: Path, folder: Path, results: Results, report: Path | None) -> bool:
-    """Retarget the scene in a file into a folder below that of all results, with a report of the name of `report`;
-    return False if it was done before.
-    """
+    """Retarget the scene in a file into a folder below all results; return False if it was done before."""
     setup = load_scene(file)
     targets, outputs = _outputs(setup, folder)
     report = folder / report.name if report else None

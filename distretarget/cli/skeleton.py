@@ -193,7 +193,9 @@ def match_command(
         map_file.rest.on(source_body.skeleton)
     pairs = joint_map(source_body.skeleton, whole_target, target_file.path, map_file)
     matching = find_matching(source_body, Body.of(whole_target.skeleton, whole_target.motion), pairs)
-    say(*headline(matching), "", *matching_rows(matching), "", *parts_without_source(matching))
+    of_target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
+    rows = [MATCHING, *(_pair(matching, joint) for joint in of_target.depth_first if joint in joints)]
+    say(*headline(matching), "", *table_lines(rows, "<<<<"), "", *parts_without_source(matching))
     say(f"joints of the target without a counterpart: {', '.join(matching.without_driver) or 'none'}")
     say(f"joints of the source not used: {', '.join(unused(matching)) or 'none'}")
     write_outputs({output: lambda: map_to_json(matching, map_file.rest)}, overwrite)
@@ -225,9 +227,7 @@ def _body_in(file: InputFile) -> Body:
 def _bones(
     file: str | Path, skeleton: Skeleton, given: Mapping[str, Sequence[tuple[str, float]]]
 ) -> dict[str, dict[str, float]]:
-    """The numbers given to bones, by option and bone, from names or patterns with numbers, `given` by option. A
-    FileError if a name matches no bone, or a bone is named twice.
-    """
+    """The numbers `given` to bones, by option and bone; a FileError if a name matches none, or one is named twice."""
     bones = [key for key, length in zip(skeleton.keys, skeleton.lengths, strict=True) if length > 0]
     chosen: dict[str, dict[str, float]] = {option: {} for option in given}
     named_by: dict[str, str] = {}
@@ -290,12 +290,6 @@ def headline(matching: Matching) -> Iterator[str]:
     times = Counter(matching.method[joint] for joint in joints if matching.method[joint])
     counts = ", ".join(f"{times[method]} by {words}" for method, words in METHODS.items() if times[method])
     yield f"matched: {times.total()} of the target's {len(joints)} joints{f' ({counts})' if counts else ''}"
-
-
-def matching_rows(matching: Matching) -> Iterator[str]:
-    """Yield the lines of a table of the target's joints, depth first without End Sites, and their matches."""
-    target, joints = matching.target.skeleton, set(matching.target.skeleton.joints)
-    return table_lines([MATCHING, *(_pair(matching, joint) for joint in target.depth_first if joint in joints)], "<<<<")
 
 
 def _pair(matching: Matching, joint: int) -> tuple[str, str, str, str]:

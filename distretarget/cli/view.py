@@ -73,9 +73,7 @@ def _chosen(files: Sequence[Path]) -> list[Path]:
 
 
 def _actors(chosen: Sequence[Path], named: Collection[Path], clip: str | None) -> Iterator[list[Actor]]:
-    """Yield the actors of each file. Files in folders that cannot be read are left out with a warning; the error is
-    raised if the file is `named` itself, or if no file can be read.
-    """
+    """Yield the actors of each file; of files not `named` themselves, errors are warnings, unless none can be read."""
     side, fault = 0, None
     for path in chosen:
         try:

@@ -112,9 +112,7 @@ def _checked(path: str | Path, read: Callable[[], Any]) -> Any:
 
 
 def npz(arrays: Arrays, precision: Precision = "float64") -> bytes:
-    """Return the content of an npz file with these arrays by name. float64 arrays are stored in `precision`; single
-    numbers, such as the frame time, stay float64. Equal arrays make equal files.
-    """
+    """Return an npz file's content, with arrays of float64 in a `precision`. Equal arrays make equal files."""
     content = io.BytesIO()
     with zipfile.ZipFile(content, "w", zipfile.ZIP_STORED) as archive:
         for name, values in arrays.items():

@@ -267,9 +267,7 @@ def _positioned(skeleton: Skeleton) -> NDArray[np.intp]:
 
 
 def add_offsets(skeleton: Skeleton, joints: NDArray[np.intp], translations: Array) -> None:
-    """Add the OFFSETs to `translations`, (frames, joints, 3), in place, if the position channels below the root hold
-    only noise, as in MakeHuman's files: at least two joints have some, most stay within `NOISE` of zero.
-    """
+    """Add OFFSETs to `translations`, (frames, joints, 3), if position channels hold only noise, as in MakeHuman's."""
     sizes = skeleton.lengths[joints]
     positioned = [joint > 0 and set(POSITION_CHANNELS) <= set(skeleton.channels[joint]) for joint in joints]
     rows = np.flatnonzero(positioned & (sizes > 0))

@@ -18,11 +18,7 @@ COMMON_KEYS = ("frames", "seconds", "found")  # of all kinds of entries
 
 
 def load_contacts(path: str | Path) -> ContactList:
-    """Return the entries of a contact file.
-
-    Raises:
-        FileError, SkeletonFileError: the file cannot be read, or breaks the format.
-    """
+    """Return the entries of a contact file; a FileError or SkeletonFileError if it cannot be read or is not valid."""
     return parse_contacts(read_text(path), path)
 
 

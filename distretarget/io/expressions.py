@@ -110,9 +110,7 @@ def _vrm(gltf: Gltf, nodes_of_mesh: Mapping[int, list[int]]) -> Iterator[tuple[s
 
 
 def find_expressions(gltf: Gltf, clip: str | None = None) -> Mapping[str, Curve]:
-    """Return the weight curves of expressions by name, from the animation named `clip` or the only one. Times begin at
-    the first frame of its motion. Curves that stay 0 and invalid channels are left out.
-    """
+    """Return the weight curves of expressions by name, from the animation `clip`, without invalid and zero ones."""
     number = choose_animation(gltf.path, animation_names(gltf), clip)
     if number is None or not moves_face(gltf, number):
         return {}

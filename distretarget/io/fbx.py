@@ -54,15 +54,9 @@ def parse_fbx(
     content: bytes, path: str | Path, clip: str | None = None, fps: float | None = None, with_animation: bool = True
 ) -> CharacterScene:
     """Return the nodes of an FBX file, its skins, or its bind pose if it has none, and unless `with_animation` is false
-    the animation named `clip` (`choose_animation`); `path` is for errors.
-
-    Transforms are as FBX evaluates them, at the pivots of nodes; ufbx adds helper nodes where scale is inherited in an
-    unusual way. Bind poses are in world space, so skins name no mesh. Frames are the animation's keys if these are
-    evenly spaced, else at the file's frame rate, or at `fps`.
-
-    Raises:
-        MissingPackageError: the package ufbx is not installed.
-        FileError: the file is invalid, its reader stopped, `clip` is not in it, or is missing though it has several.
+    the animation named `clip` (`choose_animation`), at its keys if these are evenly spaced, else at the file's frame
+    rate, or at `fps`. Transforms are as FBX evaluates them, at the pivots of nodes. A MissingPackageError without the
+    package ufbx, a FileError if the file is invalid, its reader stopped, or has no such animation.
     """
     return _parsed(content, path, {"clip": clip, "fps": fps, "with_animation": with_animation}, _scene)
 
@@ -70,9 +64,7 @@ def parse_fbx(
 def fbx_mesh(
     content: bytes, path: str | Path, with_looks: bool = False
 ) -> tuple[Nodes, list[MeshPart], tuple[Material, ...], tuple[str, ...]]:
-    """Return the nodes of an FBX file, their meshes and, with looks, normals, UVs, materials, and per material the name
-    of its image file, empty if the image is embedded or there is none; errors as in `parse_fbx`.
-    """
+    """Return the nodes of an FBX file, their meshes, and with looks materials and image files; errors as before."""
     return _parsed(content, path, {"with_mesh": True, "with_looks": with_looks}, _mesh)
 
 
@@ -184,9 +176,8 @@ def _scene(path: str | Path, read: Read) -> CharacterScene:
 
 
 def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10), in
-    which ufbx applies some rotations that FBX does not. A FileError if a number is not finite or too large, or a
-    quaternion is zero.
+    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10); a
+    FileError if a number is not finite or too large, or a quaternion is zero.
     """
     pivots, unapplied = read["pivots"], read["unapplied"][numbers]
     parent_pivots = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
@@ -216,7 +207,11 @@ def _skins(nodes: Nodes, read: Read) -> tuple[SkinBinding, ...]:
         return skins
     posed = np.zeros((len(nodes), 4, 4))
     posed[read["posed"][::-1]] = read["poses"][::-1]  # the first pose counts
-    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in _bone_trees(nodes.parents, read["is_bone"]))
+    is_bone, top = read["is_bone"], np.full(len(nodes) + 1, -1)  # the topmost bone of each tree
+    for node, parent in enumerate(nodes.parents.tolist()):
+        top[node] = node if is_bone[node] and top[parent] < 0 else top[parent]
+    trees = [np.flatnonzero(is_bone & (top[:-1] == highest)) for highest in np.unique(top[:-1][is_bone])]
+    return tuple(_skin(bones, posed[bones], read["pivots"]) for bones in trees)
 
 
 def _skin(joints: NDArray[np.intp], binds: Array, pivots: Array) -> SkinBinding:
@@ -236,14 +231,6 @@ def _inverse(matrix: Array) -> Array:
     sizes = np.linalg.norm(matrix[:3, :3], axis=0)
     regular = (sizes > SMALLEST).all() and abs(np.linalg.det(matrix[:3, :3] / sizes)) > SINGULAR
     return np.asarray(np.linalg.inv(matrix) if regular else np.zeros((4, 4)), np.float64)
-
-
-def _bone_trees(parents: NDArray[np.intp], bones: NDArray[np.bool_]) -> list[NDArray[np.intp]]:
-    """The bones of each tree, which have the same topmost bone. Parents come before children."""
-    top = np.full(len(parents) + 1, -1)
-    for node, parent in enumerate(parents.tolist()):
-        top[node] = node if bones[node] and top[parent] < 0 else top[parent]
-    return [np.flatnonzero(bones & (top[:-1] == highest)) for highest in np.unique(top[:-1][bones])]
 
 
 def _animation(path: str | Path, nodes: Nodes, read: Read) -> Animation:

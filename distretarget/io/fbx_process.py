@@ -175,9 +175,7 @@ def _meshes(nodes: list[ufbx.Node], with_looks: bool) -> dict[str, Any]:
 
 
 def _mesh(node: ufbx.Node, number: dict[int, int], with_looks: bool) -> dict[str, NDArray[Any]] | None:
-    """The triangulated mesh at a node, which is its only bone if it has no skin; None without a mesh. With looks, a
-    vertex per distinct (position, normal, UV), and materials; else these are zeros and -1.
-    """
+    """The triangulated mesh at a node, by default its only bone; or None. With looks, a vertex per distinct corner."""
     mesh = _held(node.mesh)
     if mesh is None or not len(mesh.vertices):
         return None
@@ -331,7 +329,12 @@ def _sampled(
     keys = inside if len(inside) > 1 else keys  # the keys in the animation's own time span, if it has several
     stated = scene.settings.frames_per_second
     rate = fps or own_rate(keys, stated if SLOWEST <= stated <= FASTEST else None)
-    chosen = [index for index, node in enumerate(nodes) if node.typed_id in moving or _follows_scale(node)]
+    chosen = []
+    for index, node in enumerate(nodes):
+        parent = _held(node.parent)  # the scale of another node may move this one
+        follows_scale = node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
+        if node.typed_id in moving or follows_scale:
+            chosen.append(index)
     frames = frame_count(keys, rate)
     if not frames * len(chosen) <= limit:
         raise FileError("", f"the animation {stack.name!r} would have {frames:.0f} frames; ask for fewer with --fps")
@@ -346,16 +349,8 @@ def _sampled(
     return {"moving": np.array(chosen, np.int64), "frames": samples, "step": 1.0 / rate}
 
 
-def _follows_scale(node: ufbx.Node) -> bool:
-    """Return whether the scale of another node moves this one: it is a scale helper, or its parent has one."""
-    parent = _held(node.parent)
-    return node.is_scale_helper or (parent is not None and _held(parent.scale_helper) is not None)
-
-
 def _keys(stack: ufbx.AnimStack, limit: int) -> tuple[Array, set[int]]:
-    """Return the times of all keys of an animation, sorted [s], and the nodes that it moves. Most curves have the same
-    key times, so curves of equal length are compared at `PROBES` keys only.
-    """
+    """Return the times of all keys, sorted [s], and the nodes that move; equal curves are known by `PROBES` keys."""
     times, seen = array("d"), set()
     count, moving = 0, set()
     for node, curve in _curves(stack):

@@ -135,9 +135,7 @@ def make_folder(folder: Path) -> None:
 
 
 def check_writable(path: str | Path, overwrite: bool = False) -> None:
-    """Raise a FileError if `write_whole` could not write this file: it exists and `overwrite` is false, it is a
-    dangling link, or its folder is missing or not writable. Nothing is written.
-    """
+    """Raise a FileError if `write_whole` could not write this file; nothing is written."""
     check_path("path", path)
     try:
         place = Path(path).resolve()
@@ -178,10 +176,15 @@ def write_whole(path: str | Path, content: Content, overwrite: bool = False) -> 
             file.writelines(encoded_parts(content))
             file.flush()
             os.fsync(file.fileno())
-        if overwrite:
-            temporary.replace(place)
-        else:
-            _rename_to_new(temporary, place)
+        if not overwrite:
+            try:  # fails if another process has just made the file
+                place.hardlink_to(temporary)
+                return
+            except FileExistsError:
+                raise
+            except OSError:  # a file system without hard links
+                pass
+        temporary.replace(place)
     except FileExistsError as error:
         raise FileError(path, "exists already; --overwrite replaces it") from error
     except (OSError, UnicodeEncodeError) as error:
@@ -195,16 +198,6 @@ def encoded_parts(content: Content) -> Iterable[bytes | memoryview]:
     """Return the bytes that `write_whole` writes for a content, in parts."""
     parts = [content] if isinstance(content, str | bytes) else content
     return (part.encode("utf-8", "surrogateescape") if isinstance(part, str) else part for part in parts)
-
-
-def _rename_to_new(temporary: Path, place: Path) -> None:
-    """Rename a file; raise FileExistsError if the new name exists, even if another process has just made it."""
-    try:
-        place.hardlink_to(temporary)
-    except FileExistsError:
-        raise
-    except OSError:  # a file system without hard links
-        temporary.replace(place)
 
 
 def reason_of(error: Exception) -> str:

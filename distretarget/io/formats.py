@@ -35,16 +35,14 @@ class Format:
     unwritten: str = ""  # for messages: that it is not written, and what to write instead
 
 
-def _is_gltf(content: bytes, suffix: str) -> bool:
-    is_text = JSON_START.match(content) and (suffix == ".gltf" or GLTF_ASSET.search(content) is not None)
-    return content.startswith(GLB_MARK) or bool(is_text)
-
-
 BVH = Format("BVH", "BVH", lambda _, __: False, {".bvh": "BVH"}, (".bvh",))  # any other text is taken for BVH
 GLTF = Format(
     "glTF",
     "glTF",
-    _is_gltf,
+    lambda content, suffix: (
+        content.startswith(GLB_MARK)
+        or bool(JSON_START.match(content) and (suffix == ".gltf" or GLTF_ASSET.search(content)))
+    ),
     {".glb": "character", ".gltf": "character", ".vrm": "character", ".vrma": "VRMA"},
     motions=(".glb", ".gltf", ".vrma"),
     others=(".vrm",),

@@ -118,9 +118,7 @@ class Gltf:
         return reference.index(len(self.entries(key)) - 1, key)
 
     def numbers(self, reference: Node, kind: str, components: tuple[int, ...] = tuple(COMPONENTS)) -> Array:
-        """Return the numbers of an accessor, (count, width), or (count,) for "SCALAR"; normalized integers become
-        fractions. A SkeletonFileError if it has another type or component type, exceeds its buffer, or is not finite.
-        """
+        """Return an accessor's numbers, (count, width), or (count,) for "SCALAR"; a SkeletonFileError if invalid."""
         fields = self.entry("accessors", reference)
         place, key = fields.node, (fields.node.place, kind)
         if fields.read("type", Node.text, "") != kind:

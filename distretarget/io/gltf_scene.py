@@ -54,7 +54,7 @@ def gltf_scene(gltf: Gltf, clip: str | None = None, fps: float | None = None, an
     if chosen is not None and moves_face(gltf, chosen):
         notes.append(FACE_LEFT_OUT)
     return CharacterScene(
-        gltf.path, nodes, skins, humanoid, names, animation, looks_back=kind == "VRM", notes=tuple(notes)
+        gltf.path, nodes, skins, humanoid, names, animation, faces_negative_z=kind == "VRM", notes=tuple(notes)
     )
 
 
@@ -201,9 +201,7 @@ def named_expressions(gltf: Gltf, extension: str) -> Iterator[tuple[str, Fields]
 
 
 def read_curve(gltf: Gltf, fields: Fields, kind: str, width: int = 1) -> Curve:
-    """Return the curve of a sampler with keys of an accessor type; of "SCALAR", `width` are a key. A SkeletonFileError
-    if it is invalid.
-    """
+    """Return a sampler's curve, with keys of a kind, of "SCALAR" `width` each; a SkeletonFileError if it is invalid."""
     times = gltf.numbers(fields.need("input"), "SCALAR", FLOATS)
     keys = gltf.numbers(fields.need("output"), kind, KEY_TYPES)
     interpolation = fields.read("interpolation", lambda node: node.one_of(("LINEAR", "STEP", "CUBICSPLINE")), "LINEAR")

@@ -112,11 +112,9 @@ def animated(
     embedded: Callable[[Node], bytes] | None = None,
     own: int | None = None,
 ) -> Parts:
-    """Return the content of a file with animations added, or in place of those in it, in parts.
-
-    The result is a GLB, or JSON if not `as_binary`. `embedded` returns the content of a file that a URI names, to embed
-    it; without it URIs stay. `own` is how many of the animations are the file's own, if earlier calls added others:
-    these get a rest key for each channel that only the new ones have. A FileError if a GLB would be too large.
+    """Return the content of a file with animations added, or in place of its own, in parts: a GLB, or JSON. `embedded`
+    returns the file that a URI names, to embed it. Animations beyond the file's `own` get a rest key for each channel
+    that only new ones have. A FileError if a GLB would be too large.
     """
     nodes, buffers, binary = gltf_nodes(gltf), gltf.entries("buffers"), gltf.binary
     extends = binary is not None and bool(buffers) and "uri" not in (first := buffers[0].entries())
@@ -149,9 +147,8 @@ def animated(
 def _animation_entries(
     gltf: Gltf, animations: Sequence[Animation], numbers: _BufferWriter, nodes: Nodes, mode: Mode
 ) -> Iterator[dict[str, object]]:
-    """Yield the entries of animations, and add their data to `numbers`; a name that is taken gets a number. Players
-    leave a channel without keys where the previous animation left it, so each animation gets a rest key for each
-    channel that only others have.
+    """Yield the entries of animations, and add their data to `numbers`; a taken name gets a number. Each gets a rest
+    key for channels that only others have: players leave these where the previous animation left them.
     """
     existing = gltf.entries("animations") if mode == "add" else []
     taken = {entry.entries().read("name", Node.text, "") for entry in existing} - {""}
@@ -287,11 +284,7 @@ def _padding(content: bytes | memoryview, filler: bytes) -> list[bytes]:
 
 
 def gltf_character(file: InputFile, character: Character) -> tuple[Gltf, tuple[str, ...]]:
-    """Return the character of an FBX file as glTF, and what is left out, a line each.
-
-    Raises:
-        FileError: the file has no mesh that its joints move, or a number that cannot be written.
-    """
+    """Return the character of an FBX file as glTF, and a line on each thing left out; a FileError without a mesh."""
     nodes, parts, materials, files = fbx_mesh(file.content, file.path, with_looks=True)
     materials, missing = _with_images(file, materials, files)
     mesh = assembled(character, nodes, parts, materials)

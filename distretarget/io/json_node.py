@@ -37,9 +37,7 @@ def without_garbage_collection() -> Iterator[None]:
 
 
 def parse_json(path: str | Path, text: str) -> Node:
-    """Return the JSON value in a text; `path` is for errors. Numbers become floats: Python refuses integers of too many
-    digits.
-    """
+    """Return the JSON value in a text. Numbers become floats: Python refuses integers of too many digits."""
     try:
         with without_garbage_collection():
             return Node(path, "", json.loads(text, object_pairs_hook=tuple, parse_int=shared_float))
@@ -54,12 +52,6 @@ def parse_json(path: str | Path, text: str) -> Node:
 def shared_float(digits: str) -> float:
     """Return the value of a whole number, one float object for equal ones, to save memory."""
     return float(digits)
-
-
-def field_place(place: str, key: str) -> str:
-    """Return the place of a key that the format defines."""
-    named = key.isidentifier() and cut(key) == key
-    return f"{place}.{key}".lstrip(".") if named else entry_place(place, key)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,12 +70,17 @@ class Node:
         """Raise a SkeletonFileError that says what was expected at this place, and what was found."""
         self.fail(f"expected {what}, found {described(self.value)}")
 
-    def entries(self, place_of: Callable[[str, str], str] = field_place) -> Fields:
-        """Return the values of an object by key, each with the place `place_of(self.place, key)`."""
+    def entries(self, place_of: Callable[[str, str], str] | None = None) -> Fields:
+        """Return the values of an object by key, each with its place, by default that of a key of the format."""
         self._check_length(entries := self._of(tuple, "an object"))
         fields = Fields(self)
         for key, value in entries:
-            node = Node(self.path, place_of(self.place, key), value)
+            if place_of:
+                place = place_of(self.place, key)
+            else:
+                is_plain = key.isidentifier() and cut(key) == key
+                place = f"{self.place}.{key}".lstrip(".") if is_plain else entry_place(self.place, key)
+            node = Node(self.path, place, value)
             if key in fields:
                 node.fail("expected each key once, found it twice")
             fields[key] = node

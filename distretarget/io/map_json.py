@@ -106,9 +106,7 @@ def _rest(node: Node) -> RestPose:
 
 
 def map_to_json(matching: Matching, rest: RestPose | None = None) -> str:
-    """Return the text of a map file that reproduces a matching, with a rest pose if given: a pair for each joint of the
-    target, depth first, except spines and necks that blend rotations, and End Sites that were matched automatically.
-    """
+    """Return the text of a map file that reproduces a matching, without blended spines and matched End Sites."""
     source, target, drivers = matching.source.skeleton, matching.target.skeleton, matching.drivers
     blending = (drivers < 0) & (matching.rotation_sources[:, 0] >= 0)
     ends = target.end_sites & (np.array(matching.method) != "map")

@@ -21,7 +21,7 @@ from distretarget.io.arrays import Arrays, Precision, npz
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, read_bytes, write_whole
 from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS, OutputKind, format_of_name
-from distretarget.io.gltf import Gltf, inside
+from distretarget.io.gltf import inside
 from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import InputFile, Source, load_file
@@ -70,9 +70,7 @@ def output_kind(path: str | Path, target: InputFile | None) -> OutputKind:
 
 
 def suffix_of(target: TargetFile, kind: str | None = None) -> str:
-    """Return the suffix of results of a kind, such as "glb"; by default the target's if it is glTF, else .bvh. A
-    FileError if the target cannot be written in it.
-    """
+    """Return the suffix of results of a `kind`, by default the target's own; a FileError if it cannot be written."""
     suffix, own = f".{kind}" if kind else ".bvh", Path(target.path).suffix.lower()
     if kind is None and target.file is not None and target.file.kind == "glTF":
         suffix = own if own in OUTPUTS else ".glb"
@@ -226,9 +224,8 @@ def content_of(
 def as_written(
     motion: Motion, kind: OutputKind, precision: Precision = "float64", target: TargetFile | None = None
 ) -> Motion:
-    """Return a motion with the losses of a kind of file, to measure what was written: glTF rounds to single precision,
-    arrays to `precision`; a VRM animation has only the bones of a humanoid. BVH counts as exact, to 1e-8. `target` has
-    the character.
+    """Return a motion with the losses of a kind of file, to measure what was written: single precision in glTF,
+    `precision` in arrays, a humanoid's bones in a VRM animation. BVH counts as exact, to 1e-8.
     """
     match kind:
         case "BVH":
@@ -250,7 +247,7 @@ def character_animation(target: TargetFile, clip: NamedClip) -> Animation:
     found = motion.skeleton
     if found.names != expected.names or not np.array_equal(found.parents, expected.parents):
         raise MotionError(f"the motion has other joints than {str(target.path)!r}; retarget it to that character")
-    motion = motion if found.looks_back == expected.looks_back else motion.turned_round()
+    motion = motion if found.faces_negative_z == expected.faces_negative_z else motion.turned_round()
     return replace(character.animation(motion, clip.name), extras=clip.extras, weights=clip.weights)
 
 
@@ -258,8 +255,7 @@ def with_animations(
     path: str | Path, target: TargetFile, animations: Sequence[Animation], mode: Mode, onto: InputFile | None = None
 ) -> Parts:
     """Return the content of a character's file with animations, in parts: JSON if `path` ends in .gltf, else a GLB.
-    Files of its buffers and images are embedded, unless a .gltf file is written to the character's folder. `onto` is
-    an earlier result at `path`, whose animations stay; a FileError if it has another character.
+    Other files are embedded, unless .gltf is written beside them. `onto` is an earlier result, whose animations stay.
     """
     assert target.file is not None
     file, folder, as_binary = target.file, Path(target.file.path).parent, Path(path).suffix.lower() != ".gltf"
@@ -270,25 +266,14 @@ def with_animations(
         return file.beside[name] if name in file.beside else read_bytes(inside(uri, folder, name))
 
     try:
-        plain = _as_gltf(target)
+        assert isinstance(target.target, CharacterTarget)
+        plain = target.target.mesh.as_gltf[0] if file.kind == "FBX" else file.gltf
         if onto is None:
             return animated(plain, animations, mode, as_binary, None if stays or file.kind == "FBX" else embedded)
-        if not _shows_same(onto.gltf, plain):
+        a, b = gltf_nodes(onto.gltf), gltf_nodes(plain)
+        if a.names != b.names or not np.allclose(a.transforms, b.transforms):
             raise FileError(onto.path, f"is no result on {str(target.path)!r}, and is not added to; give another name")
         own = len(plain.entries("animations")) if mode == "add" else 0
         return animated(onto.gltf, animations, "add", as_binary, own=own)
     except RecursionError:
         raise FileError(target.path, "is nested too deeply") from None
-
-
-def _as_gltf(target: TargetFile) -> Gltf:
-    """A character's file as glTF."""
-    assert target.file is not None
-    assert isinstance(target.target, CharacterTarget)
-    return target.target.mesh.as_gltf[0] if target.file.kind == "FBX" else target.file.gltf
-
-
-def _shows_same(one: Gltf, other: Gltf) -> bool:
-    """Whether two files have nodes of the same names and world transforms."""
-    a, b = gltf_nodes(one), gltf_nodes(other)
-    return a.names == b.names and np.allclose(a.transforms, b.transforms)

@@ -22,10 +22,7 @@ MOST_POINTS = 100  # vertices of a prop that become joints, spread evenly
 
 
 def parse_obj(text: str, path: str | Path) -> tuple[Array, NDArray[np.intp]]:
-    """Return the vertices, (vertices, 3), and the triangles, (triangles, 3), in the text of an OBJ file; larger faces
-    become fans. A BvhError, which names `path`, if a vertex is not three numbers, there is no vertex, or a face refers
-    to a missing one.
-    """
+    """Return vertices and triangles, (n, 3) each, of an OBJ text; faces become fans. A BvhError if it is not valid."""
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for number, line in enumerate(text.splitlines(), start=1):
@@ -54,9 +51,7 @@ def _corner(word: str, before: int, path: str | Path, line: int) -> int:
 
 
 def static_prop(vertices: Array, name: str) -> Motion:
-    """Return a prop that does not move as a motion of one frame. Its joints are at most `MOST_POINTS` of the vertices,
-    connected by a minimum spanning tree; the root has the name.
-    """
+    """Return a still prop: at most `MOST_POINTS` of the vertices as joints, connected by a minimum spanning tree."""
     distinct = np.unique(vertices, axis=0)
     points = distinct[farthest_points(distinct, MOST_POINTS)]
     order, before = depth_first_order(minimum_spanning_tree(cdist(points, points)), 0, directed=False)

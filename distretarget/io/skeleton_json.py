@@ -119,9 +119,7 @@ def _parent(node: Node, names: Sequence[str], parents: Sequence[int], known: Map
 def matching_joints(
     reference: str, names: Sequence[str], parents: Sequence[int], known: Mapping[str, Sequence[int]]
 ) -> list[int]:
-    """Return the joints, among those `known` by name, that a reference `name`, `parent/name` and so on matches. A full
-    path from the root matches its joint only, so each of `Skeleton.keys` is unique unless names contain "/".
-    """
+    """Return the joints, among those `known`, that `name`, `parent/name` and so on matches; a full path its own."""
     ends = (reference[start:] for start in (0, *(slash.end() for slash in re.finditer("/", reference))))
     joints = sorted(joint for name in ends for joint in known.get(name, ()))
     tops = {joint: _top(reference, joint, names, parents) for joint in joints}
@@ -141,9 +139,7 @@ def _top(reference: str, joint: int, names: Sequence[str], parents: Sequence[int
 def skeleton_to_json(
     skeleton: Skeleton, name: str, joint_map: JointMap | None = None, radii: Mapping[int, float] | None = None
 ) -> str:
-    """Return the text of a skeleton file (full form), one line per joint, with the map if it has entries, and `radii`
-    by joint. A SkeletonError if a parent's key is ambiguous because names contain "/".
-    """
+    """Return the text of a skeleton file (full form); a SkeletonError if "/" in names makes a parent ambiguous."""
     head = HEADER | {"name": name, "units": skeleton.units, "up": skeleton.up}
     parents = _references(skeleton)
     joints = [_joint(skeleton, joint, parents[joint], (radii or {}).get(joint)) for joint in range(len(skeleton))]

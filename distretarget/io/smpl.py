@@ -58,9 +58,8 @@ TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AM
 
 
 def array_skeleton(arrays: ArraysFile, betas: Array | None = None) -> Skeleton:
-    """Return the skeleton in a file of arrays: from `names`, `parents` and `offsets` as in `Motion.to_dict`; from `J`,
-    (joints, 3) [m], the joints of SMPL; or from a model of SMPL in the shape `betas`, by default the mean one. A
-    FileError if it has none of these, or another number of joints than the models; a SkeletonError if they are invalid.
+    """Return the skeleton in a file of arrays: of `names`, `parents` and `offsets`; of `J`, (joints, 3) [m], joints of
+    SMPL; or of a model of SMPL in the shape `betas`. A FileError if it has none, a SkeletonError if they are invalid.
     """
     if all(name in arrays for name in ("names", "parents", "offsets")):
         names = tuple(map(str, arrays.array("names").ravel()))

@@ -35,9 +35,7 @@ REQUIRED = (
 
 
 def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
-    """Return the content of a VRM animation: rotations of the humanoid's bones and positions of the hips [m], with Y
-    up; at rest the body faces Z in T-pose. A MotionError if the body lacks bones that a humanoid must have.
-    """
+    """Return a VRM animation: rotations of the humanoid's bones, positions of the hips [m]; a T-pose to Z at rest."""
     body, bones = _humanoid(motion)
     upright = Rotation.from_matrix(body.reference.axes.T)
     rest = _t_pose(body, bones, upright)
@@ -66,9 +64,7 @@ def vrma(motion: Motion, name: str, extras: Mapping[str, object]) -> Parts:
 
 
 def as_humanoid(motion: Motion) -> Motion:
-    """Return a motion with the losses of a VRM animation: joints that are no bones of the humanoid follow their
-    parents, and bone lengths are constant; the hips keep their positions. Errors as in `vrma`.
-    """
+    """Return a motion as a VRM animation holds it: other joints follow their parents; the hips keep their positions."""
     skeleton, (_, bones) = motion.skeleton, _humanoid(motion)
     world, humanoid = motion.world_rotations, set(bones.values())
     for joint, parent in enumerate(skeleton.parents.tolist()):

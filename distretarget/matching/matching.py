@@ -69,9 +69,7 @@ class Matching:
 
     @cached_property
     def rig(self) -> Matching | None:
-        """The same matching of bodies without motions, one object for all clips of the same rigs, without
-        the normals of soles; None where rest poses do not show how both bodies and their feet stand.
-        """
+        """The matching without motions and soles' normals, one for all clips; None if rest poses do not stand."""
         source, target = self.source.rig, self.target.rig
         if source is None or target is None:
             return None
@@ -87,9 +85,7 @@ class Matching:
 
     @property
     def confidence(self) -> Array:
-        """(target joints,), confidence in each pair [0 to 1]: that of the method, times the similarity of the relative
-        path lengths from both joints to hips, head, hands and feet.
-        """
+        """(target joints,), that of the method, times the similarity of path lengths to hips, head, hands and feet."""
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         roles = [body.roles for body in (self.source, self.target)]
         marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
@@ -117,9 +113,7 @@ class Matching:
 
     @rig_property
     def legs(self) -> tuple[Legs, Legs] | None:
-        """The source joints that drive the target's legs, and these legs. The ankle replaces a toe without a driver.
-        None unless hip joints and ankles have drivers and the source's legs have a length.
-        """
+        """The source joints that drive the target's legs, and these legs; None unless all have drivers and a length."""
         if self.target.legs is None:
             return None
         left, right = (leg if self.drivers[leg.toe] >= 0 else replace(leg, toe=leg.ankle) for leg in self.target.legs)
@@ -162,9 +156,7 @@ class Matching:
 
     @rig_property
     def is_same_rig(self) -> bool:
-        """Whether source and target are the same rig, of any size: each joint drives the joint with its index, and rest
-        positions relative to the pelvis are the same up to scale.
-        """
+        """Whether each joint drives the joint with its index, and rest positions are the same up to scale."""
         source, target = self.source.skeleton, self.target.skeleton
         if len(source) != len(target) or not np.array_equal(self.drivers, np.arange(len(target))):
             return False
@@ -175,9 +167,7 @@ class Matching:
 
     @rig_property
     def in_reference(self) -> bool:
-        """Whether the bodies are aligned in their reference poses, not in their rest poses: if both stand, since they
-        may face different directions, or if their rest poses differ.
-        """
+        """Whether bodies are aligned in reference poses, not rest poses: if both stand, or rest poses differ."""
         recognised = self.source.anatomy is not None and self.target.anatomy is not None
         both_stand = self.source.stands and self.target.stands
         return recognised and (both_stand or self.source.standing is not None or not self.rest_poses_alike)
@@ -193,17 +183,14 @@ class Matching:
 
     @rig_property
     def _only_source_feet_bend(self) -> bool:
-        """Whether the source's feet bend between ankle and toe, as with a ForeFoot right below the ankle, and the
-        target's do not. The rest pose does not show how far such feet bend when they are flat.
-        """
+        """Whether only the source's feet bend between ankle and toe; their rest pose does not show them flat."""
         bodies = self.source, self.target
         return [any(leg.foot_bends(body.skeleton) for leg in body.legs or ()) for body in bodies] == [True, False]
 
     def shared_bones(self, x: Array, y: Array) -> tuple[Numbers, Array, Array]:
-        """Return the bones that both bodies share: the target joint at the upper end of each, (bones,), ascending, and
-        the unit directions of the bones on source and target, (bones, 3), for joint positions `x` and `y`. They join a
-        driven joint, from the hips down, to the nearest driven joint above it. Bones of length 0 are left out, and so
-        are those to joints that are not part of the body (jaw, eye, hair, prop), which do not show how it is turned.
+        """Return the bones of both bodies, the target joint at the upper end of each, (bones,), and unit directions on
+        both, (bones, 3), for joint positions. They join driven joints to the nearest above, without those of length 0,
+        and of joints that are not part of the body.
         """
         driven = (self.drivers >= 0) & ~np.isin(self.drivers, self.source.above_hips)
         driven[[*self.target.above_hips]] = False
@@ -222,9 +209,9 @@ class Matching:
 
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
-        """The soles of source and target for each of these legs; empty without legs. If only one of two bodies with the
-        same rest pose shows its soles, the other gets the same normals. If the target has no foot, both soles are those
-        of the ankle, unless an End Site shows that the target's leg ends on the floor.
+        """The soles of source and target for each leg. Bodies with the same rest pose share normals if only one shows
+        them; without a target's foot, both are those of the ankle, unless an End Site shows that the leg ends on the
+        floor.
         """
         normals = self.source_normals, self.target_normals
         if not self._soles or normals == (None, None):
@@ -282,9 +269,7 @@ class Matching:
 
 
 def cached_by_soles(function: Callable[[Matching], Found]) -> Callable[[Matching], Found]:
-    """Decorate a function of a matching and its soles: cache the result for each matching, or for all clips of the same
-    rigs if rest poses show the soles. Results are not written to, and do not refer to the matching.
-    """
+    """Decorate a function of a matching and its soles: cache the result for all clips of the same rigs if possible."""
     found: WeakKeyDictionary[Matching, Found] = WeakKeyDictionary()
 
     @wraps(function)
@@ -334,13 +319,11 @@ def match(source: Body, target: Body, joint_map: JointMap | None = None) -> Matc
 
 
 def find_matching(source: Body, target: Body, joint_map: JointMap | None = None) -> Matching:
-    """Match as many joints of two bodies as possible: by `joint_map`, else by names or by shape; not IK handles, which
-    copy the joints they are named after. A MapError if `joint_map` names joints that do not exist.
-    """
+    """Match as many joints as possible, without IK handles, by `joint_map`, names or shape; or a MapError."""
     if source.left_is_left is not None and target.left_is_left is not None:
         source, target = (body if body.left_is_left else body.mirrored for body in (source, target))
-    exchanged = [body.anatomy.exchanged if body.anatomy else "" for body in (source, target)]
-    crossed = exchanged[0] != exchanged[1]  # whether left and right are swapped in names of one body
+    swapped = [body.anatomy.swapped_sides if body.anatomy else "" for body in (source, target)]
+    crossed = swapped[0] != swapped[1]  # whether left and right are swapped in names of one body
     map_pairs = pairs_of_map(source.skeleton, target.skeleton, joint_map or {})
     drivers, rotation_sources, blend, method = _paired(source, target, crossed, tuple(map_pairs.items()))
     return Matching(

@@ -20,11 +20,9 @@ JointPairs = dict[int, tuple[int, str]]
 
 
 def find_pairs(source: Body, target: Body, crossed: bool) -> JointPairs:
-    """Pair joints by equal names and by body parts; `crossed` says that the names of one body swap left and right.
-
-    Only equal names count if a body is not recognised, or if both follow the same convention and every target joint
-    has the name of a source joint. Otherwise body parts come first and equal names pair the rest; if both follow one
-    known convention, equal names come first, except in spine and neck, which may be numbered upwards or downwards.
+    """Pair joints by equal names and body parts; `crossed` says that names of one body swap sides. Only equal names
+    count if a body is not recognised, or all have them in one convention. Else body parts come first; with one known
+    convention equal names do, except in spine and neck, which may be numbered upwards or downwards.
     """
     names = _same_names(source.skeleton, target.skeleton)
     s, t = source.anatomy, target.anatomy
@@ -75,9 +73,7 @@ def _plain_names(skeleton: Skeleton) -> dict[str, int]:
 
 
 def _shared_roles(s: Anatomy, t: Anatomy) -> list[str]:
-    """The roles by which joints pair. The fingers of a hand pair if the source has all of the target's, or at least
-    `SHARED_FINGERS`: a single finger that stands for all four (CMU) would move one finger of five.
-    """
+    """The roles by which joints pair; fingers only if the source has all of the target's, or `SHARED_FINGERS`."""
     shared = [role for role in t.roles if role in s.roles]
     for side in SIDES:
         fingers = [{finger for finger in FINGERS if f"{side}{finger}1" in body.roles} for body in (s, t)]
@@ -124,9 +120,8 @@ def with_tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPai
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:
-    """Yield target joint, two source joints to blend, and the weight of the second [0 to 1], for each joint of a spine
-    or neck with another number of joints in the source. Rotations are interpolated between the midpoints of bones, as
-    shares of the chain's length.
+    """Yield target joint, two source joints, and the weight of the second, for spines and necks of other lengths:
+    rotations are interpolated between the midpoints of bones.
     """
     if source.anatomy is None or target.anatomy is None:
         return

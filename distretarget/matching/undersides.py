@@ -80,7 +80,7 @@ class Underside:
 
     def lowest_of_foot(self, motion: Motion, ankle: int, up: Array) -> Array:
         """Return the height of the lowest vertex of a foot, (frames,) [file units]; infinite without vertices."""
-        skin = self._cached(self._skin_of_foot, ankle)
+        skin = self._of_vertices(self.foot(ankle))
         return _lowest(motion, [skin], up)[0] if skin else np.full(len(motion), np.inf)
 
     def has_heel(self, ankle: int, sole: Sole) -> bool:
@@ -122,9 +122,6 @@ class Underside:
         of_foot = np.isin(self.capsules.joints, self.body.skeleton.subtree(ankle))
         return self._rest_ends[of_foot], self.capsules.radii[of_foot]
 
-    def _skin_of_foot(self, ankle: int) -> BoundBalls | None:
-        return self._of_vertices(self.foot(ankle))
-
     def _of_vertices(self, on: Numbers) -> BoundBalls | None:
         """Vertices of the mesh as balls; None without any."""
         if self.mesh is None or not len(on):
@@ -155,9 +152,7 @@ class Underside:
         return BoundBalls(moving, linear, radii)
 
     def _capsules_about(self, joint: int) -> tuple[Numbers, Array, Array]:
-        """The capsules of a joint's and its neighbours' segments that contain the joint or nearly do, the position of
-        the joint along the axis of each, 0 to 1, and the radius there [file units]; (capsules,) each.
-        """
+        """The capsules about a joint that nearly contain it, its position along each, 0 to 1, and the radius there."""
         skeleton, ends = self.body.skeleton, self._rest_ends
         bone = ends[:, 1] - ends[:, 0]
         off = skeleton.rest_positions[joint] - ends[:, 0]

@@ -23,9 +23,7 @@ NAMED = 3  # at most so many other joints are named
 
 
 def parts_without_source(matching: Matching) -> Iterator[str]:
-    """Yield a line on limbs of one bone; one on limbs of the source that are not recognised in the target although it
-    has joints enough for them; and one on the parts of the target's body that no joint of the source drives.
-    """
+    """Yield lines on limbs of one bone, on limbs that are not recognised, and on parts that nothing drives."""
     single = [middle for _, middle, _ in single_bones(matching.target.anatomy) if middle in matching.source.roles]
     if single := [name for name in ("arms", "legs") if any(name[:3].title() in middle for middle in single)]:
         yield f"{_listed(single)} of the target are one bone each, so those of the source are straightened"

@@ -174,16 +174,11 @@ def _of_steps(motion: Motion, body: Body, joints: Numbers, shots: Shots) -> Find
     cosine = np.abs((rotations[1:] * rotations[:-1]).sum(axis=-1))
     turns = 2.0 * np.arccos(np.minimum(cosine, 1.0))  # against the parents [rad]
     far, inside = max(FAR, FAST * motion.frame_time), np.diff(shots) == 0
-    return {
-        "jumps": _sudden(steps, far, inside, joints, body),
-        "flips": _sudden(turns, TURN, inside, joints, body),
-    }
+    return {"jumps": _sudden(steps, far, inside, joints, body), "flips": _sudden(turns, TURN, inside, joints, body)}
 
 
 def _sudden(steps: Array, far: float, inside: Flags, joints: Numbers, body: Body) -> Finding:
-    """The number of frames with a step larger than `far` and than `SUDDEN` times the usual step around. `steps` are
-    (frames - 1, joints); `inside`, (frames - 1,), leaves out cuts.
-    """
+    """The frames with a step, (frames - 1, joints), above `far` and `SUDDEN` times the usual one, `inside` a shot."""
     usual = usual_steps(np.where(inside[:, None], steps, 0.0))
     far_steps = (steps > far) & inside[:, None]
     far_steps[[0, -1]] = False  # one side of these is unknown
@@ -230,11 +225,9 @@ def _of_feet(motion: Motion, body: Body, shots: Shots, joints: Numbers) -> Findi
 
 
 def _tilt(motion: Motion, body: Body, still: Flags) -> float:
-    """How far the world of a motion is tilted [degrees]: the least mean lean of soles, legs and trunk while a foot
-    stands under a straight leg, if all lean to the same side; else 0. On a slope only the soles lean, in a bow only the
-    trunk. Feet are assumed to be flat in the rest pose; a body that does not stand in it gives 0.
-
-    `still`, (frames, 2), says whether each foot stays in its place.
+    """How far the world is tilted [degrees]: the least mean lean of soles, legs and trunk while a foot is `still`,
+    (frames, 2), under a straight leg, if all lean to the same side; else 0. On a slope only soles lean, in a bow only
+    the trunk.
     """
     if body.legs is None or body.anatomy is None or not body.stands_at_rest:
         return 0.0
@@ -273,9 +266,7 @@ def _skates(motion: Motion, body: Body, foot: Leg, shots: Shots) -> Flags:
 
 
 def _below_floor(motion: Motion, body: Body, joints: Numbers) -> Finding | None:
-    """The largest depth of joints below the floor on which feet rest, in frames in which no foot stands lower; None if
-    no foot rests, or if they rest at several heights.
-    """
+    """The largest depth of joints below the floor while no foot stands lower; None without one level floor."""
     rests, up, leg = [*_rests(motion, body)], body.up_vector, body.leg_length
     if not rests or max(high - low for low, _, high in rests) > TERRAIN * leg:
         return None

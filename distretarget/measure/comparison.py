@@ -66,9 +66,7 @@ class Reference:
         skins: tuple[Skin, Skin] | None = None,
         surface: Surface | None = None,
     ) -> None:
-        """Measure the source; `up`, (3,), is the unit vector up in source and results, `skins` those of both bodies if
-        their thickness is known, `surface` the target's.
-        """
+        """Measure the source; `up`, (3,), is the unit vector up, `skins` those of both bodies, if known."""
         self.matching = matching
         skins = skins or (find_skin(matching.source, no_capsules()), find_skin(matching.target, no_capsules()))
         self._skin = find_source_skin(source, matching.source, *skins)
@@ -123,9 +121,7 @@ class Reference:
         )
 
     def _acceleration_of_hips(self, motion: Motion, of: Literal[0, 1]) -> Track:
-        """(frames - a few,), the acceleration of the middle between the hip joints in a motion of the source, 0, or the
-        target, 1 [leg lengths / s^2]; empty without legs.
-        """
+        """(frames - a few,), of the middle between the hip joints of source, 0, or target, 1 [leg lengths / s^2]."""
         lag = max(round(STEADY / motion.frame_time), 1)
         if self.matching.legs is None or len(motion) <= 2 * lag:
             return Track(np.zeros(0))
@@ -169,11 +165,9 @@ def direction_error(expected: Expected, result: Motion, lower: Numbers) -> Array
 
 
 def expected_directions(source: Motion, matching: Matching) -> Expected:
-    """Return the directions that the `shared_bones` of the target should have.
-
-    A bone of an arm, leg or finger should point as the source's bone does. Bones of the trunk, collar bones, hands,
-    head and feet point differently in every body: the source's rotation, relative to the rest poses, should turn the
-    target's own bone.
+    """Return the directions that the `shared_bones` of the target should have: those of the source's bones, but for
+    trunk, collar bones, hands, head and feet, which differ in every body, those of the target's own bones turned by the
+    source's rotations relative to the rest poses.
     """
     drivers, lower, turns = matching.drivers, shared_bones(matching), _turned_bones(matching)
     upper = matching.target.skeleton.parents[lower]
@@ -189,9 +183,7 @@ def expected_directions(source: Motion, matching: Matching) -> Expected:
 
 @cached_by_soles
 def _turned_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
-    """Return for each of the `shared_bones` the two source joints that turn it, (bones, 2), -1 for none, their blend
-    weight, (bones,), and the bone in their axes, (bones, 2, 3).
-    """
+    """For `shared_bones`, two source joints that turn each, -1 for none, their blend, and the bone in their axes."""
     lower, skeleton, alignment = shared_bones(matching), matching.target.skeleton, rest_alignment(matching)
     upper, bones = skeleton.parents[lower], skeleton.offsets[lower]
     turned = np.isin(upper, _built_differently(matching))

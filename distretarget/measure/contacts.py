@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -47,8 +48,7 @@ class Candidates:
     limits: Array  # (pairs of joints,), the D in the source below which they touch
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class RegionContact:
+class RegionContact(NamedTuple):
     """The contacts between two regions over a clip, and how well the result keeps them."""
 
     name: str  # of the two regions, such as "left hand - right hand"
@@ -116,25 +116,15 @@ class Contacts:
         found = []
         for k in np.unique(self.regions).tolist():
             rows = np.flatnonzero(self.regions == k)
-            worst = rows[self.error[rows].argmax()]
-            touch = RegionContact(
-                name=self.candidates.names[k],
-                frames=self.frame[rows],
-                distance_source=float(self.distance_source[rows].mean()),
-                distance_result=float(self.distance_result[rows].mean()),
-                error=float(self.error[rows].mean()),
-                worst_frame=int(self.frame[worst]),
-                u=int(self.u[worst]),
-                v=int(self.v[worst]),
-            )
-            found.append(touch)
+            worst, distances = rows[self.error[rows].argmax()], (self.distance_source, self.distance_result, self.error)
+            source, result, error = (float(each[rows].mean()) for each in distances)
+            nearest = int(self.frame[worst]), int(self.u[worst]), int(self.v[worst])
+            found.append(RegionContact(self.candidates.names[k], self.frame[rows], source, result, error, *nearest))
         return tuple(found)
 
 
 def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -> Contacts:
-    """Find the contacts of a source, with its own distances in place of a result's until `in_result`. `feet_rest`,
-    (frames, foot joints), is whether each foot joint rests in the source; without legs it has no columns.
-    """
+    """Find the contacts of a source, with its own distances as a result's; `feet_rest` is (frames, foot joints)."""
     candidates, reach = find_candidates(matching), round(STRIDE / source.frame_time)
     strides = largest(np.asarray(feet_rest.any(axis=1), np.float64)[:, None], reach)[:, 0] > 0.0
     u, v = (matching.drivers[joints] for joints in (candidates.u, candidates.v))
@@ -149,10 +139,8 @@ def find_region_contacts(source: Motion, matching: Matching, feet_rest: Flags) -
 
 @rig_cached
 def find_candidates(matching: Matching) -> Candidates:
-    """Find the pairs of target joints that may touch: in regions that are not neighbours, and far apart on the tree.
-
-    Only joints and End Sites with a driver count; of coinciding ones the first; of more than `MOST_POINTS` those on the
-    longest branches.
+    """Find the pairs of driven target joints that may touch: in regions that are not neighbours, and far apart on the
+    tree. Of coinciding joints the first counts; of more than `MOST_POINTS` those on the longest branches.
     """
     source, target = matching.source.skeleton, matching.target.skeleton
     drivers, regions = matching.drivers, matching.regions

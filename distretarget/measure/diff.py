@@ -156,9 +156,7 @@ class SceneDiff:
 
     @cached_property
     def mean_gaps(self) -> tuple[float, float, float] | None:
-        """The mean gap in A, in B, and the mean difference [leg lengths], over all pairs of joints that touch in A;
-        None if nothing touches.
-        """
+        """The mean gap in A, in B, and their mean difference [leg lengths], where joints touch in A; or None."""
         if not self.gaps:
             return None
         pairs = [gap.pairs for gap in self.gaps]

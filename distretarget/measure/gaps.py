@@ -44,8 +44,7 @@ def body_part(matching: Matching, a: Array, b: Array, region: int | None = None)
     return ScenePart(a=a[:, drivers], b=b[:, joints], keys=keys, leg=matching.leg_lengths[0], region=name)
 
 
-@dataclass(frozen=True, kw_only=True)
-class Gap:
+class Gap(NamedTuple):
     """The gap between two parts that touch in scene A, over all pairs of joints and frames in which they touch.
 
     Gaps are in leg lengths of A, the mean of both performers; those of B are scaled to A's world.
@@ -88,27 +87,16 @@ def measure_gap(between: tuple[int, int], one: ScenePart, other: ScenePart, scal
     a = lengths(one.a[frames, u] - other.a[frames, v]) / leg
     b = lengths(one.b[frames, u] - other.b[frames, v]) / (scale * leg)
     error = np.abs(b - a)
-    farthest = error.argmax()
-    return Gap(
-        between=between,
-        regions=(one.region, other.region),
-        frames=len(np.unique(frames)),
-        pairs=len(frames),
-        a=float(a.mean()),
-        b=float(b.mean()),
-        worst=float(np.percentile(b, 99)),
-        error=float(error.mean()),
-        worst_frame=int(frames[farthest]),
-        joints=(one.keys[u[farthest]], other.keys[v[farthest]]),
-    )
+    farthest, count = error.argmax(), len(np.unique(frames))
+    means = float(a.mean()), float(b.mean()), float(np.percentile(b, 99)), float(error.mean())
+    joints = one.keys[u[farthest]], other.keys[v[farthest]]
+    return Gap(between, (one.region, other.region), count, len(frames), *means, int(frames[farthest]), joints)
 
 
 def measure_gaps(
     bodies: Sequence[Sequence[ScenePart]], props: Sequence[tuple[ScenePart, float]], scale: float
 ) -> Iterator[tuple[tuple[int, int], Gap | None]]:
-    """Measure the gaps between each two bodies, and between each body and each prop, with the numbers of the two.
-    `bodies` are given as their parts, `props` with scales of their own; bodies are counted before props.
-    """
+    """Measure the gaps between each two `bodies`, in parts, and each body and prop, with the numbers of both."""
     pairs = [((i, j), one, other, scale) for (i, one), (j, other) in combinations(enumerate(bodies), 2)]
     for (i, body), (k, (prop, own)) in product(enumerate(bodies), enumerate(props, len(bodies))):
         pairs.append(((i, k), body, [prop], own))
@@ -204,8 +192,8 @@ def _gaps(
     farthest: float,
     count: int = len(LIMBS),
 ) -> Array:
-    """(frames, count, segments), the gaps between the first `count` of `PARTS` of one performer and the segments of the
-    other, at most `farthest` [% of the mean height]; infinite for segments that the other does not have.
+    """(frames, count, segments), gaps of the first `count` of `PARTS` to the other, at most `farthest` [% of mean
+    height].
     """
     solids = skins[other].solids.of_second_body(len(motions[one].skeleton))
     height = (skins[0].height + skins[1].height) / 2.0

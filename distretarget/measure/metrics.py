@@ -49,9 +49,7 @@ class Track:
 
 
 def middle_thirds(counts: Numbers) -> Numbers:
-    """Return the counts, (frames, parts), in the middle third of each run of frames with counts above 0, at least one
-    frame; the others are 0.
-    """
+    """Return the counts, (frames, parts), in the middle third of each run of counts above 0; else 0."""
     within = np.zeros(counts.shape, np.intp)
     for part, column in enumerate(counts.T):
         for first, end in spans_of(column > 0):
@@ -62,7 +60,7 @@ def middle_thirds(counts: Numbers) -> Numbers:
 
 Tracks = Mapping[str, Track]  # by key
 NOT_RUN: Tracks = {
-    key: Track(np.zeros(0)) for key in ("turned", "needless", "shaking", "pop", "not_converged")
+    key: Track(np.zeros(0)) for key in ("turned", "arm_deviation", "shaking", "pop", "not_converged")
 }  # of a motion that was not solved here
 Metrics = Mapping[Variant, Mapping[str, float | None]]  # of whole clips, by key; None where nothing was measured
 
@@ -97,26 +95,22 @@ class Metric:
     Attributes:
         key: its name in JSON, CSV and `--fail-over`, and that of its track.
         label: its name in prose.
-        unit: of the number in files and limits; empty for a plain number.
         meaning: what it measures.
+        unit: of the number in files and limits; empty for a plain number.
         missing: why a clip may have no value; empty if every clip has one.
         track: the key of its track, if that is another metric's.
-        touches: whether measurements count only in the middle third of each touch, a run of measured frames; in the
-            others they show how early or late a touch begins and ends, not how well it is kept.
-        reduction: how the track's values become the metric: the mean, the mean of the part whose mean is the largest,
-            the largest (at least 0), the 99th percentile, or the number of frames in which any value is above 0.
+        middle_of_touches: whether only the middle third of each touch counts: the others show how early it begins.
+        reduction: how the track's values become the metric; "worst part" is the part with the largest mean.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
-        still: for a ratio, source values up to this are rounding errors; `--fail-over` divides by at least this.
+        still: source values up to this are rounding errors; ratios are to at least this.
         limit: the value above which a run has a warning; None for no limit.
-        rivals_copy: whether a run has a remark if it is worse than the rotation copy by more than `least`; false where
-            the rotation copy is best by definition.
-        instead: the key of the metric that is judged instead of this one, if it has a value.
+        compared_with_copy: whether a run has a remark if the rotation copy is better by more than `least`.
+        superseded_by: the key of the metric that is judged in place of this one, if it has a value.
         factor: pages and the line of a run show the number times this.
         decimals: of the number in the line of a run.
         least: values up to this do not matter.
-        places: where the metric is shown besides the lists of all metrics: in the line of a run; in a report as a card,
-            a curve, or with pictures of its worst frames; as a column of the page over clips; in the list of the
-            worst frames that a diff prints.
+        places: where it is shown: in the line of a run; in a report as a card, a curve, or with its worst frames; as a
+            column of the page over clips; among the worst frames that a diff prints.
     """
 
     key: str
@@ -125,13 +119,13 @@ class Metric:
     unit: str = ""
     missing: str = ""
     track: str = ""
-    touches: bool = False
+    middle_of_touches: bool = False
     reduction: Literal["mean", "worst part", "largest", "percentile 99", "frames"] = "mean"
     judged: Literal["value", "ratio"] = "value"
     still: float = 0.0
     limit: Limit | None = None
-    rivals_copy: bool = False
-    instead: str = ""
+    compared_with_copy: bool = False
+    superseded_by: str = ""
     factor: float = 1.0
     decimals: int = 2
     least: float = 0.0
@@ -192,9 +186,9 @@ class Metric:
         return int(frame), track.parts[part[0]] if part and track.parts else ""
 
     def _judged_track(self, tracks: Tracks) -> Track:
-        """The track, with `touches` only the middle thirds of touches."""
+        """The track, with `middle_of_touches` only the middle thirds of touches."""
         track = tracks[self.track or self.key]
-        return replace(track, counts=middle_thirds(track.weights)) if self.touches else track
+        return replace(track, counts=middle_thirds(track.weights)) if self.middle_of_touches else track
 
     def judgement(self, value: float | None, source: float | None) -> float | None:
         """The number that `--fail-over` limits, from the values of result and source; None if it is not known."""
@@ -215,35 +209,30 @@ class Metric:
         return f"{result} / {source}" if self.judged == "ratio" else ""
 
     def over_limit(self, metrics: Metrics) -> bool:
-        """Whether the result's value is above the limit; false if either is missing, or `instead` is judged."""
+        """Whether the result's value is above the limit; false if either is missing, or superseded."""
         value, limit = self._judged(metrics), self.limit.value(self.key, metrics) if self.limit else None
         return value is not None and limit is not None and value > limit
 
     def worse_than_copy(self, metrics: Metrics) -> bool:
-        """Whether the result is worse than the rotation copy by more than `least`, if that matters (`rivals_copy`);
-        false if either is missing, or `instead` is judged.
-        """
+        """Whether the rotation copy is better by more than `least`, if that matters; false if superseded."""
         value, copy = self._judged(metrics), metrics.get("rotation_copy", {}).get(self.key)
-        return self.rivals_copy and value is not None and copy is not None and value > copy + self.least
+        return self.compared_with_copy and value is not None and copy is not None and value > copy + self.least
 
     def _judged(self, metrics: Metrics) -> float | None:
-        """The result's value; None if it is missing, or `instead` is judged."""
+        """The result's value; None if it is missing, or the metric has a value that supersedes it."""
         of_result = metrics["result"]
-        return of_result.get(self.key) if of_result.get(self.instead) is None else None
+        return of_result.get(self.key) if of_result.get(self.superseded_by) is None else None
 
     def brief(self, value: float | None) -> str:
         """The number as the line of a run shows it."""
         return "-" if value is None else f"{self.factor * value:.{self.decimals}f}"
 
 
-def _metric(key: str, entry: dict[str, Any]) -> Metric:
-    """The metric of an entry of the registry."""
-    limit = Limit(**entry.pop("limit")) if "limit" in entry else None
-    return Metric(key=key, limit=limit, places=tuple(entry.pop("places", ())), **entry)
-
-
 _REGISTRY = tomllib.loads(files(__package__).joinpath("metrics.toml").read_text("utf-8"))
-METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the most telling first
+METRICS = tuple(  # the most telling first
+    Metric(**{"key": key, **entry, "limit": Limit(**entry["limit"]) if "limit" in entry else None})
+    for key, entry in _REGISTRY.items()
+)
 BY_KEY = {metric.key: metric for metric in METRICS}
 # The metrics of all sides in one list, by these names: `jerk_source`, `jerk_copy`, `jerk`.
 COLUMNS: dict[str, tuple[Variant, Metric]] = {
@@ -302,7 +291,7 @@ def as_data(source: str, result: str) -> list[dict[str, Any]]:
             "explanation": metric.explanation(source, result),
             "missing": metric.missing.format(source=source),
             "judged": metric.judged,
-            "instead": metric.instead,
+            "supersededBy": metric.superseded_by,
             "comparison": metric.comparison(source, result),
             "whole": metric.reduction == "frames",
             "factor": metric.factor,

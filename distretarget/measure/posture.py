@@ -56,11 +56,9 @@ Posture = Mapping[str, Sequence[KeptDirection]]  # by key of the metric
 
 
 def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -> Posture:
-    """Find the directions that should be kept: the trunk's axis up ("trunk_tilt"), the head's ("head_tilt"), the
-    normals of palms ("palm_turn") and of resting soles ("sole_tilt"), where head and resting feet point along the floor
-    ("heading"), and the angles by which resting legs point outwards ("splay").
-
-    `up`, (3,), is the unit vector up; `stance`, (frames, foot joints), whether ankle and toe of each leg rest.
+    """Find the directions that should be kept, by metric: the trunk's axis up, the head's, the normals of palms and
+    resting soles, the headings of head and resting feet, and how far legs point outwards. `up` is (3,), `stance`
+    (frames, foot joints).
     """
     posture = {key: list[KeptDirection]() for key in KEYS}
 
@@ -76,8 +74,9 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
                 add(key, joints[1], sides, measured)
 
     bodies = matching.source, matching.target
-    trunks = [_trunk_ends(body) for body in bodies]
-    if all(trunks) and all(body.up_at_rest for body in bodies):
+    pairs = [[body.anatomy.pair(part) for part in ("UpperLeg", "UpperArm")] if body.anatomy else [] for body in bodies]
+    trunks = [[joint for pair in each for joint in pair] for each in pairs]
+    if all(each and all(each) for each in pairs) and all(body.up_at_rest for body in bodies):
         add("trunk_tilt", trunks[1][0], (partial(_trunk, *each) for each in zip(bodies, trunks, strict=True)))
     heads = [body.roles["head"] for body in bodies if "head" in body.roles]
     if len(heads) == len(bodies):
@@ -105,12 +104,6 @@ def errors_of(directions: Sequence[KeptDirection], result: Motion) -> Track:
     return Track(errors, np.isfinite(errors), result.skeleton.keys_of(each.joint for each in directions))
 
 
-def _trunk_ends(body: Body) -> list[int]:
-    """The joints of both hips and both shoulders; none where one is not known."""
-    ends = [body.anatomy.pair(part) for part in ("UpperLeg", "UpperArm")] if body.anatomy else [[]]
-    return [joint for pair in ends for joint in pair] if all(ends) else []
-
-
 def _trunk(body: Body, ends: Sequence[int], motion: Motion) -> Array:
     """(frames, 3), the axis of the trunk, between hips and shoulders, that points up in the reference pose."""
     upright = _trunk_axes(body.reference.positions[None], ends)[0].T @ body.reference.axes[:, 1]
@@ -127,9 +120,9 @@ def _trunk_axes(positions: Array, ends: Sequence[int]) -> Array:
 
 
 def _head_axes(body: Body, head: int) -> Axes:
-    """The axes up and forward of a head: those of the rest pose if it stands; else the mean direction of the neck and
-    the mean heading of the body. If the rig is built along the neck, axes of the head's joint near to these are taken,
-    or none, so that a head that is bent or turned in the whole motion does not change the result.
+    """The axes up and forward of a head: of the rest pose if it stands; else the mean directions of neck and body. If
+    the rig is built along the neck, the joint's axes near these are taken, or none: the head may be bent in the whole
+    motion.
     """
     if body.up_at_rest:
         return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
@@ -146,9 +139,9 @@ def _head_axes(body: Body, head: int) -> Axes:
 
 
 def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
-    """The axes up and forward of an ankle while the foot is flat: in the rest pose if it is flat there, else the mean
-    over the motion. If the rig is built along the foot, up is made perpendicular to the ankle's axis across the foot,
-    so that a foot on its edge does not change it.
+    """The axes up and forward of an ankle while the foot is flat: in the rest pose, else the mean over the motion. If
+    the rig is built along the foot, up is made perpendicular to the ankle's axis across it, as a foot may be on its
+    edge.
     """
     if leg.toe == leg.ankle:
         return UNKNOWN

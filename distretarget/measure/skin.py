@@ -1,5 +1,5 @@
-"""The skin of a body for measurements: points on its parts, in patches with bounding balls, which leave out most pairs
-that are far apart; and the solids that the points may sink into.
+"""The skin of a body for measurements: coordinates on its parts; points on them, in patches with bounding balls, which
+leave out most pairs that are far apart; and the solids that the points may sink into.
 """
 
 from __future__ import annotations
@@ -10,15 +10,15 @@ from itertools import product
 
 import numpy as np
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
-from distretarget.measure.part_frames import PartFrames, find_part_frames
 from distretarget.measure.skin_depths import PARTS, Patches, find_depths
 from distretarget.measure.solid_depths import Solids
 from distretarget.measure.solids import solids_of_capsules, solids_of_mesh, strongest, welded
-from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, farthest_points, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, farthest_points, lengths, level, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -28,6 +28,83 @@ MOST = {"hand": 256, "forearm": 128, "upper arm": 48, "thigh": 48, "shin": 32, "
 PATCH = 8  # most points of a patch
 BLENDED = 1.2  # room in a bounding ball for points that other joints move as well [radii of a patch]
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
+
+
+TRUNK = ("chest", "belly", "pelvis")  # one part: where one ends and the next begins differs between rigs
+THINNEST = 0.1  # least distance from the axis to divide by [lengths of the axis]
+SHOULDERS = ("leftUpperArm", "rightUpperArm")
+# The axis of each part, from the middle of joints to the middle of other joints, by their roles.
+BONES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "trunk": (("leftUpperLeg", "rightUpperLeg"), SHOULDERS),
+    "head": (SHOULDERS, ("head",)),
+}
+BONES |= {f"{side} thigh": ((f"{side}UpperLeg",), (f"{side}LowerLeg",)) for side in SIDES}
+BONES |= {f"{side} shin": ((f"{side}LowerLeg",), (f"{side}Foot",)) for side in SIDES}
+TOUCHED = tuple(BONES)
+# (segments,), the part of each segment, an index into `TOUCHED`; -1 for arms, feet and the neck
+PART_OF = np.array(
+    [TOUCHED.index(part) if (part := "trunk" if name in TRUNK else name) in TOUCHED else -1 for name in SEGMENTS]
+)
+
+
+@dataclass(frozen=True, eq=False)
+class PartFrames:
+    """The axes of the parts of a body in its reference pose; nan for parts that the body does not have."""
+
+    joints: Numbers  # (segments,), a joint that moves each segment; 0 for one that the body does not have
+    rest: Array  # (segments, 3), the position of that joint in the rest pose [file units]
+    reference: Array  # (segments, 3), its position in the reference pose [file units]
+    turns: Array  # (segments, 4), its rotation from the rest pose to the reference pose
+    starts: Array  # (parts, 3), where each axis begins [file units]
+    axes: Array  # (parts, 3, 3), unit vectors along the axis, to the front and to the side, as rows
+    lengths: Array  # (parts,), of the axes [file units]
+
+    def coordinates(self, segments: Numbers, points: Array) -> Array:
+        """Return where points, (n, 3), of segments, (n,), in the rest pose are on their parts, (n, 3): along the axis
+        [its lengths], round it from the front [rad], away from it [its lengths]; nan for no part.
+        """
+        part = PART_OF[segments]
+        if not len(points):
+            return np.zeros((0, 3))
+        turned = Rotation.from_quat(self.turns[segments]).apply(points - self.rest[segments])
+        posed = turned + self.reference[segments]
+        along, front, side = np.einsum("nij,nj->in", self.axes[part], posed - self.starts[part]) / self.lengths[part]
+        found = np.stack([along, np.arctan2(side, front), np.hypot(front, side)], axis=1)
+        return np.where((part >= 0)[:, None], found, np.nan)
+
+
+def find_part_frames(body: Body) -> PartFrames:
+    """Return the axes of the parts of a body."""
+    reference, roles, of_joint = body.reference, body.roles, find_segments(body).of_joint
+    known = np.isin(np.arange(len(SEGMENTS)), of_joint)
+    joints = np.where(known, (of_joint == np.arange(len(SEGMENTS))[:, None]).argmax(axis=1), 0)
+    ends = np.full((len(TOUCHED), 2, 3), np.nan)
+    for part, bone in enumerate(BONES.values()):
+        on = [[roles[role] for role in end if role in roles] for end in bone]
+        if all(on):
+            ends[part] = [reference.positions[each].mean(axis=0) for each in on]
+    head = TOUCHED.index("head")
+    ends[head, 0], ends[head, 1] = ends[head, 1], 2.0 * ends[head, 1] - ends[head, 0]  # beyond its joint
+    bones = ends[:, 1] - ends[:, 0]
+    along = normalised(bones)
+    fronts = normalised(np.stack([level(reference.axes[:, 2], axis) for axis in along]))
+    axes = np.stack([along, fronts, np.cross(along, fronts)], axis=1)
+    return PartFrames(
+        joints=joints,
+        rest=body.skeleton.rest_positions[joints],
+        reference=reference.positions[joints],
+        turns=reference.rotations[joints],
+        starts=ends[:, 0],
+        axes=axes,
+        lengths=lengths(bones),
+    )
+
+
+def difference(source: Array, result: Array) -> Array:
+    """How far coordinates of a result are from its source's, (n, 3) each, along and round it [half widths], (n,)."""
+    thick = np.maximum(result[:, 2], THINNEST)
+    angle = np.abs(np.remainder(result[:, 1] - source[:, 1] + np.pi, 2.0 * np.pi) - np.pi)
+    return np.asarray(np.hypot((result[:, 0] - source[:, 0]) / thick, angle))
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,9 +130,7 @@ class SkinPoints:
 
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
-    """Return the vertices of a mesh on `PARTS`, the first of those at one place; `segments`, (joints,), has the segment
-    that each joint carries, or -1.
-    """
+    """Return the vertices of a mesh on `PARTS`, one at each place; `segments`, (joints,), are those of joints."""
     joints, weights = strongest(mesh)
     triangles, of_vertex = welded(mesh), segments[joints[:, 0]]
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
@@ -123,7 +198,9 @@ def patches_of(points: SkinPoints, rest: Array) -> Patches:
         parts.append(len(patches))
     in_patches = np.array(order, np.intp)
     points = points[np.append(in_patches, np.setdiff1d(np.arange(len(points)), in_patches))]
-    first, neighbours = _neighbours(points)
+    edges = points.edges[(points.parts[points.edges] == points.parts[points.edges[:, :1]]).all(axis=1)]
+    both_ways = np.concatenate([edges, edges[:, ::-1]])  # within a part
+    both_ways = both_ways[np.argsort(both_ways[:, 0], kind="stable")]
     return Patches(
         parts=np.array(parts, np.intp),
         patches=np.array([*patches, (-1, len(order))], np.intp),
@@ -131,8 +208,8 @@ def patches_of(points: SkinPoints, rest: Array) -> Patches:
         joints=points.joints,
         bound=np.concatenate([points.offsets, points.weights[..., None]], axis=2),
         counts=counts[in_patches],
-        first=first,
-        neighbours=neighbours,
+        first=np.searchsorted(both_ways[:, 0], np.arange(len(points) + 1)),
+        neighbours=np.ascontiguousarray(both_ways[:, 1]),
     )
 
 
@@ -146,17 +223,8 @@ def one_by_one(points: SkinPoints) -> Patches:
     return Patches(rows, patches, balls, points.joints, bound, np.ones(len(points)), *no_neighbours)
 
 
-def _neighbours(points: SkinPoints) -> tuple[Numbers, Numbers]:
-    """The neighbours of points along edges within a part: where those of each begin, (points + 1,), and all of them."""
-    edges = points.edges[(points.parts[points.edges] == points.parts[points.edges[:, :1]]).all(axis=1)]
-    both_ways = np.concatenate([edges, edges[:, ::-1]])
-    both_ways = both_ways[np.argsort(both_ways[:, 0], kind="stable")]
-    return np.searchsorted(both_ways[:, 0], np.arange(len(points) + 1)), np.ascontiguousarray(both_ways[:, 1])
-
-
 OWN_ARM = ("hand", "forearm", "upper arm")
 LEG = ("thigh", "shin", "foot")
-TRUNK = ("chest", "belly", "pelvis")
 # Skin folds as a limb bends up to this distance from its top [lengths of the bone].
 FOLDS = {"upper arm": ("UpperArm", "LowerArm", 0.45), "thigh": ("UpperLeg", "LowerLeg", 0.35)}
 

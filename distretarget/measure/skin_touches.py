@@ -16,8 +16,7 @@ from distretarget.body.body import Body
 from distretarget.body.limbs import Arm
 from distretarget.contact_entries import DroppedContact
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.part_frames import PART_OF, difference
-from distretarget.measure.skin import OWN_ARM, Skin, are_parts
+from distretarget.measure.skin import OWN_ARM, PART_OF, Skin, are_parts, difference
 from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
@@ -86,9 +85,7 @@ class SourceSkin:
     coordinates: Array  # (touches, 3), the place on the segment, as `PartFrames.coordinates`
 
     def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
-        """Return it without touches that a user drops; with a hand, its forearm is dropped. `of_joint`, (joints,), has
-        the segments of the target's joints, or -1.
-        """
+        """Return it without touches that a user drops, of hands with forearms; `of_joint` has the target's segments."""
         sample, limb, segment = self.touches
         is_left = np.ones(len(self.gaps), bool)
         for drop in drops:
@@ -156,11 +153,10 @@ class SourceSkin:
 
 
 def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> SourceSkin:
-    """Find the touches in a source; `skin` is that of its `body`. About `RATE` frames a second are sampled, and all
-    between two samples of which one touches and the other does not.
-    """
+    """Find the touches in a source, `RATE` times a second, and in all frames between two samples that differ."""
     both = (skin.can_touch & target.can_touch)[: len(LIMBS)]
-    sampled = _every(np.arange(len(source)), 1.0 / (RATE * source.frame_time))
+    all_frames, step = np.arange(len(source)), max(round(1.0 / (RATE * source.frame_time)), 1)
+    sampled = np.union1d(all_frames[::step], all_frames[-1:])
     if not both.any():
         return SourceSkin(target, sampled, np.zeros((3, 0), np.intp), np.zeros(0), np.zeros((0, 3)))
     hanging = _hanging(source, body)
@@ -208,19 +204,12 @@ def _passing(
 def _touch(
     skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers
 ) -> tuple[Array, Array]:
-    """Return the gaps of limbs, or of their hands if less, to the places of the segments that they touch, (n,) each
-    [file units], and where they are nearest to the same part, (n, 3), as `PartFrames.coordinates`.
-    """
+    """The gaps of limbs, or their hands, to segments' places, (n,) [file units], and where they are nearest, (n, 3)."""
     of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
     of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
     segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
     limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
     return -of_place.max(axis=1, initial=-np.inf), skin.frames.coordinates(segment, places[frame, limb, segment])
-
-
-def _every(frames: Numbers, step: float) -> Numbers:
-    """Frames at a distance of `step`, rounded, and the last."""
-    return np.union1d(frames[:: max(round(step), 1)], frames[-1:])
 
 
 def _around_changes(sampled: Numbers, touches: Numbers) -> Numbers:
@@ -295,9 +284,7 @@ def _seen_from(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) ->
 
 
 def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
-    """The distances of joints u and v, (pairs,) each, while the body stands and its arms hang, (pairs,) [file units];
-    infinite if it is not known which joints are its arms.
-    """
+    """The distances of joints u and v, (pairs,), while arms hang [file units]; infinite if the arms are not known."""
     if not body.anatomy:
         return np.full(len(u), np.inf)
     places, down = np.array(body.reference.positions), -body.reference.axes[:, 1]
@@ -309,9 +296,7 @@ def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
 
 
 def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
-    """Return whether a hand hangs beside the body or swings past it, and whether its forearm is beside the trunk, as it
-    is with a bent elbow, too, (frames,) each.
-    """
+    """Whether a hand hangs or swings beside the body, and whether its forearm is beside the trunk, (frames,) each."""
     positions, hangs = motion.positions, _hangs(body, motion.positions, arm)
     if not _hips(body) or len(body.arms) < 2:
         return hangs, hangs
@@ -322,9 +307,7 @@ def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
 
 
 def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
-    """(frames,), whether an arm hangs, along gravity or, if hip joints are known, along the trunk; `positions` are
-    (frames, joints, 3).
-    """
+    """(frames,), whether an arm hangs, along gravity or the trunk; `positions` are (frames, joints, 3)."""
     shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.shoulder, arm.elbow, arm.wrist))
     off, hips = angles_between(elbow - shoulder, np.broadcast_to(-body.up_vector, elbow.shape)), _hips(body)
     if hips:
@@ -333,9 +316,7 @@ def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
 
 
 def _beside(body: Body, positions: Array, joints: list[int]) -> Flags:
-    """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it. The body has
-    hips and two arms; `positions` are (frames, joints, 3).
-    """
+    """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it."""
     left, right = (positions[:, each.shoulder] for each in body.arms)
     pelvis = positions[:, _hips(body)].mean(axis=1)
     off = positions[:, joints].mean(axis=1) - pelvis

@@ -133,9 +133,7 @@ def _beside(triangles: Numbers, solids: Numbers, count: int) -> Numbers:
 
 
 def _fans(triangles: Numbers, count: int) -> tuple[Numbers, list[Numbers]]:
-    """Triangles that close the holes of a surface, each hole by a fan from a new vertex, numbered from `count`; and the
-    vertices around each hole, whose mean is the new one.
-    """
+    """Triangles that close a surface's holes by fans from new vertices, numbered from `count`; the holes' vertices."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     forth, back = edges @ [count, 1], edges @ [1, count]
     rim = edges[~np.isin(forth, back)]

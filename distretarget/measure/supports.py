@@ -53,9 +53,7 @@ def foot_joints(legs: Sequence[Leg]) -> Numbers:
 
 
 def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> Flags:
-    """(frames, foot joints), whether each foot joint rests; `length` is that of a leg, `up`, (3,), the vector up. A
-    foot higher than the hip joint of its leg does not rest, as in a clip of a single kick.
-    """
+    """(frames, foot joints), whether each rests, with legs of a `length`; not where it is higher than its hip joint."""
     paths = motion.positions[:, foot_joints(legs)] / length
     heights, hips = paths @ up, motion.positions[:, [leg.hip for leg in legs for _ in range(2)]] @ up / length
     low = (heights - np.percentile(heights, LOWEST, axis=0) < LOW_FOOT) & (heights < hips)
@@ -65,10 +63,7 @@ def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> 
 
 
 def height_errors(heights: Array, of_source: Array, floor: float, near: Array | float = NEAR) -> Array:
-    """The errors of heights in a result, in any shape [leg lengths].
-
-    A height is right from the source's to the source's floor, if these are nearer to each other than `near`.
-    """
+    """The errors of heights [leg lengths]; right are those from the source's to its floor, if both are `near`."""
     other = np.where(np.abs(of_source - floor) < near, floor, of_source)
     return np.asarray(heights - np.clip(heights, np.minimum(of_source, other), np.maximum(of_source, other)))
 
@@ -82,9 +77,8 @@ class FootPaths(NamedTuple):
     hip: Array  # (frames, legs), the height of the leg's hip joint [leg lengths]
 
     def hips_over(self, rests: Flags) -> Array:
-        """(frames, legs), the height of the hips over each ankle [leg lengths]: of the middle of the hip joints of the
-        legs whose feet rest, `rests`, (frames, legs). So the tilt of a pelvis on one leg does not count, which moves
-        wide hips more than narrow ones.
+        """(frames, legs), the height of the middle of hip joints whose feet rest, `rests`, over each ankle [leg
+        lengths]: a tilt of the pelvis on one leg, which moves wide hips more than narrow ones, does not count.
         """
         standing = rests.sum(axis=1, keepdims=True)
         return np.asarray((rests * self.hip).sum(axis=1, keepdims=True) / np.maximum(standing, 1) - self.ankle)
@@ -119,9 +113,7 @@ class SourceFeet:
     thickness: float  # from the lowest joint of a flat foot down to its surface [leg lengths]
 
     def in_result(self, result: Motion, supports: SupportsMeasured) -> Tracks:
-        """The tracks of the metrics of feet, hips and floor of a result, by its other `supports`: speeds [leg lengths /
-        s], and errors of heights [% of leg length].
-        """
+        """The tracks of feet, hips and floor: speeds [leg lengths / s], and errors of heights [% of leg length]."""
         source, own = self.paths, _paths_of(result, self.feet, self.leg, self.up)
         ankle_rests, stands = self.stance[:, ::2], self.stance[:, ::2] | self.stance[:, 1::2]
         sole, off = own.sole, own.sole - self.sole
@@ -142,9 +134,7 @@ class SourceFeet:
         }
 
     def _lowest_errors(self, sole: Array, supports: SupportsMeasured) -> Track:
-        """(frames,), the error of the lowest height of soles, (frames, legs) [leg lengths], and of skin on which other
-        joints rest, in frames in which any of these rest in the source.
-        """
+        """(frames,), the error of the lowest height of soles and resting skin, while anything rests in the source."""
         on_skin = np.isfinite(supports.lowest)
         joints = np.where(supports.on_floor & on_skin[:, None], supports.height_source, np.inf)
         of_source = np.hstack([self.paths.sole, joints]).min(axis=1, initial=np.inf)
@@ -156,9 +146,7 @@ class SourceFeet:
 
 
 def find_feet(source: Motion, matching: Matching, up: Array, surface: Surface | None = None) -> SourceFeet:
-    """Measure the feet of a source; `up`, (3,), is the unit vector up in source and results, `surface` that of the
-    target's skin, if known.
-    """
+    """Measure the feet of a source; `up`, (3,), is the unit vector up, `surface` the target's, if known."""
     legs = matching.legs or ((), ())
     source_feet, feet = ([*zip(legs[k], (soles[k] for soles in matching.soles), strict=True)] for k in (0, 1))
     length, target_length = matching.leg_lengths
@@ -213,10 +201,8 @@ class SupportsMeasured:
         return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
 
     def in_result(self, result: Motion) -> SupportsMeasured:
-        """The same joints, measured in a result.
-
-        If the skin is known, any height between the source's and that at which the lowest skin of that part of the body
-        is as high as the source's lowest joint has error 0.
+        """The same joints, measured in a result. With skin, heights from the source's to that at which the lowest skin
+        of the part is as high as the source's lowest joint have no error.
         """
         paths = result.positions[:, self.joints] / self.leg
         skate = speeds_along(level(paths, self.up), result.frame_time)
@@ -224,7 +210,9 @@ class SupportsMeasured:
         for part, skin in self._skins(result):
             on = np.flatnonzero([each == part for each in self.parts])
             rests = self.on_floor[:, on] & np.isfinite(skin)[:, None]
-            off[:, on] = np.where(rests, _lesser_error(off[:, on], (skin - self.lowest_source)[:, None]), off[:, on])
+            joint, of_skin = off[:, on], (skin - self.lowest_source)[:, None]
+            lesser = np.where(np.abs(joint) < np.abs(of_skin), joint, of_skin)  # 0 between, as one is too high
+            off[:, on] = np.where(rests, np.where(joint * of_skin > 0.0, lesser, 0.0), joint)
             lowest = np.where(rests.any(axis=1), np.minimum(lowest, skin), lowest)
         return replace(self, skate=skate, height=100.0 * np.abs(off), lowest=lowest)
 
@@ -238,9 +226,7 @@ class SupportsMeasured:
 def find_supports(
     source: Motion, matching: Matching, up: Array, surface: Surface | None = None, thickness: float = 0.0
 ) -> SupportsMeasured:
-    """Find the joints that rest in a source, with its own measurements until `in_result`; arguments as in `find_feet`,
-    and `SupportsMeasured.thickness`.
-    """
+    """Find the joints that rest in a source, measured in it until `in_result`; arguments as in `find_feet`."""
     joints = matching.joints_but_feet()
     drivers = matching.drivers[joints]
     source_leg, leg = matching.leg_lengths if matching.legs else (1.0, 1.0)
@@ -267,12 +253,6 @@ def find_supports(
         surface=known,
         thickness=thickness,
     )
-
-
-def _lesser_error(joint: Array, skin: Array) -> Array:
-    """The lesser of the height errors of joint and skin; 0 where one is too high and the other too low."""
-    nearer = np.where(np.abs(joint) < np.abs(skin), joint, skin)
-    return np.asarray(np.where(joint * skin > 0.0, nearer, 0.0))
 
 
 def _parts(body: Body, joints: list[int]) -> tuple[tuple[int, ...], ...]:

@@ -20,16 +20,11 @@ LEAST_BOUND = 0.1  # smaller errors are given as this [% of height, or of leg le
 
 
 class Remark(str):
-    """A text on a result, with the frame and the parts of the body that it is about.
-
-    Attributes:
-        frame: the frame; None for the whole clip.
-        parts: keys of joints, or names such as "left hand"; none for the whole body.
-    """
+    """A text on a result, with the frame and the parts of the body that it is about."""
 
     __slots__ = ("frame", "parts")
-    frame: int | None
-    parts: tuple[str, ...]
+    frame: int | None  # None for the whole clip
+    parts: tuple[str, ...]  # keys of joints, or names such as "left hand"; none for the whole body
 
     def __new__(cls, text: str, frame: int | None = None, *parts: str) -> Self:
         """Make it of a text, a frame, and parts; empty names are left out."""
@@ -41,9 +36,7 @@ class Remark(str):
 def limit_warnings(
     metrics: Metrics, tracks: Mapping[Variant, Tracks], cause_of: FindCause | None = None
 ) -> Iterator[Remark]:
-    """Yield a warning for each metric of the result above its limit, with value, worst frame, and the cause that
-    `cause_of` finds there. `metrics` are those of `tracks`.
-    """
+    """Yield a warning for each metric above its limit: value, worst frame, and the cause that `cause_of` finds."""
     for metric, limit, value in _over_limits(metrics):
         better = f" ({_number(metric, metrics, 'rotation_copy')} in the rotation copy)"
         frame, part = metric.worst(tracks["result"])
@@ -54,9 +47,7 @@ def limit_warnings(
 
 
 def faults(metrics: Metrics) -> list[tuple[float, str]]:
-    """Return, for each metric of a result above its limit, its ratio to the limit, and its meaning and value in words;
-    the worst first.
-    """
+    """For each metric above its limit, its ratio to the limit, and its meaning and value in words; the worst first."""
     found = []
     for metric, limit, value in _over_limits(metrics):
         number, reason = metrics["result"][metric.key] or 0.0, metric.limit.reason if metric.limit else ""
@@ -78,8 +69,7 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[Remark]:
     """Yield the parts of a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction
-    error; then the names of metrics over their limits, and of others that are worse than with copied rotations.
-    `metrics` are those of `tracks`.
+    error; then the names of metrics over their limits, and of others worse than with copied rotations.
     """
     of_result = tracks["result"]
     parts = [Remark(_contacts(metrics)), *_skin(metrics, of_result), Remark(_feet(metrics))]

@@ -51,13 +51,13 @@ class Causes:
     effort: Effort
 
     def of(self, metric: Metric, frame: int, part: str) -> str:
-        """Return the cause of a metric over its limit, in words; empty if none is found. `frame` and `part`, the key of
-        a joint or a name such as "left hand", are where it is over.
-        """
+        """Return the cause of a metric over its limit in a frame and a part, in words; empty if none is found."""
         if metric.key == "not_converged":
             return f"the solver stopped after {self.effort.iterations[frame]} steps"
         if metric.key in OF_ALIGNMENT:
-            return self._of_alignment()
+            bodies = {"source": self.matching.source, "target": self.matching.target}
+            lie = [name for name, body in bodies.items() if not body.stands]
+            return f"nobody can stand in the rest pose of the {' or the '.join(lie)}" if lie else ""
         joint = self._joint(part)
         limbs = (*self._legs(), *self._arms())
         limb = next((one for one in limbs if joint is not None and self._is_below(joint, one.top)), None)
@@ -67,7 +67,9 @@ class Causes:
             return f"the {limb.name} is straight and reaches no farther"
         if metric.key in OF_RESTS:
             return self._of_rests(limb, frame)
-        return self._of_holds(limb, frame) if metric.key in OF_HOLDS else ""
+        held = (one for one in self._supports_of(limb) if self.supports.weights[frame, one] >= RESTS)
+        is_held = next((f"{self._key(support)} is held where it rests" for support in held), "")
+        return is_held if metric.key in OF_HOLDS else ""
 
     def is_straight(self, limb: LimbJoints, frame: int) -> bool:
         """Whether a limb is straight in a frame."""
@@ -80,11 +82,6 @@ class Causes:
         legs = self._legs()
         return legs[support // 2] if legs and support < self.supports.feet else None
 
-    def _of_alignment(self) -> str:
-        bodies = {"source": self.matching.source, "target": self.matching.target}
-        lie = [name for name, body in bodies.items() if not body.stands]
-        return f"nobody can stand in the rest pose of the {' or the '.join(lie)}" if lie else ""
-
     def _of_rests(self, limb: LimbJoints, frame: int) -> str:
         """Which joint of a limb comes to rest or leaves its rest at a frame, in words; empty if none does."""
         changes = np.diff(self.supports.weights[max(frame - 1, 0) : frame + 2], axis=0)
@@ -94,10 +91,6 @@ class Causes:
             if changes[:, support].min(initial=0.0) < -SUDDEN:
                 return f"{self._key(support)} leaves its rest"
         return ""
-
-    def _of_holds(self, limb: LimbJoints, frame: int) -> str:
-        held = (one for one in self._supports_of(limb) if self.supports.weights[frame, one] >= RESTS)
-        return next((f"{self._key(support)} is held where it rests" for support in held), "")
 
     def _supports_of(self, limb: LimbJoints) -> Iterator[int]:
         return (k for k, joint in enumerate(self.supports.joints.tolist()) if self._is_below(joint, limb.top))

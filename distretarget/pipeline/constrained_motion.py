@@ -23,7 +23,7 @@ from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.body_skin import BodySkin, limbs_of
+from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.constraint_reach import LimbReach, with_looks
 from distretarget.objectives.constraint_springs import correction, eased_gap, joint_offset, with_constraints, with_gaps
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
@@ -59,9 +59,7 @@ class Unconstrained:
     motion: Motion  # of these poses, with limbs bent by skin
 
     def without(self, drops: Constraints, free: Performer, mapper: Mapper) -> Unconstrained:
-        """Return the solution without the contacts in `drops`: around these frames, limbs are bent anew by skin, and
-        blended into the other frames, which do not change. `free` is the performer without the drops.
-        """
+        """Return it without dropped contacts: around these frames limbs are bent anew, with `free`, and blended in."""
         if not drops:
             return self
         poses = solve_contact(free.clip, free.supports, free.settings, mapper=mapper)
@@ -75,9 +73,7 @@ def without_drops(performer: Performer, drops: Constraints) -> Performer:
 
 
 def constrain(performer: Performer, constraints: Constraints, offsets: Offsets = ()) -> Performer:
-    """Return a performer with user constraints in all frames in which they have a weight; `offsets` as in
-    `constraint_springs.with_constraints`.
-    """
+    """Return a performer with user constraints where they have a weight; `offsets` as in `with_constraints`."""
     made, match = constraints.made, performer.match
     offsets = offsets or [None] * len(made)
     supports = with_constraints(performer.supports, made, offsets, match.skins, match.undersides)
@@ -87,12 +83,16 @@ def constrain(performer: Performer, constraints: Constraints, offsets: Offsets =
 def constrained_result(
     free: Performer, unconstrained: Unconstrained, constraints: Constraints, mapper: Mapper
 ) -> RetargetResult:
-    """Solve a clip with user constraints, and return its result; `unconstrained` is the solution without those that are
-    made. The springs of a round bring two parts to the offset that they had when limbs reached for them in the last.
+    """Solve a clip with user constraints, and return its result. The springs of a round bring two parts to the offset
+    that they had when limbs reached for them in the last.
     """
     poses, bound = unconstrained.poses, constrain(free, constraints)
     if free.match.skins and any(constraint.anchors for constraint in constraints.made):
-        constraints = with_settled_anchors(bound, unconstrained.motion, constraints, free.match.skins.target)
+        made, motion = constraints.made, unconstrained.motion
+        for _ in range(ANCHOR_ROUNDS):  # until distances between anchors give skins the wanted gaps
+            motion = _reached(bound, motion, made)
+            made = with_gaps(made, motion, free.match.skins.target)
+        constraints = replace(made, every=(*constraints.drops, *made))
         bound = constrain(free, constraints)
     made = constraints.made
     solved = _solved(bound, poses, mapper)
@@ -112,25 +112,18 @@ def constrained_result(
     return replace(bound.result(replace(poses, log=log), posed=posed), unmet=tuple(unmet(bound, made, posed)))
 
 
-def with_settled_anchors(performer: Performer, motion: Motion, constraints: Constraints, skin: BodySkin) -> Constraints:
-    """Return constraints with the distances between anchors at which skins have the wanted gaps."""
-    made = constraints.made
-    for _ in range(ANCHOR_ROUNDS):
-        motion = _reached(performer, motion, made)
-        made = with_gaps(made, motion, skin)
-    return replace(made, every=(*constraints.drops, *made))
-
-
 def _solved(performer: Performer, poses: Poses, mapper: Mapper) -> Poses:
     """The poses of a performer with constraints; their change from `poses` is averaged over time."""
     solved = solve_contact(performer.clip, performer.supports, performer.settings, mapper=mapper)
-    return replace(solved, v=poses.v + _steady(performer, solved.v - poses.v))
+    held = held_parts(performer.clip, performer.supports, performer.settings)  # what rests is not averaged
+    held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
+    change = solved.v - poses.v
+    change = held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
+    return replace(solved, v=poses.v + change)
 
 
 def _with_arms(motion: Motion, free: Motion, apart: Motion, made: Constraints, performer: Performer) -> Motion:
-    """A motion with the arms and shoulders of the motion `free`; if both arms reach for each other, of the motion
-    `apart`, in which skin keeps each on its own side.
-    """
+    """A motion with arms and shoulders of `free`; if the arms reach for each other, those of `apart`."""
     clip, body = performer.clip, performer.match.matching.target
     trunk, arms = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
     for limb in limbs_of(body):
@@ -142,13 +135,6 @@ def _with_arms(motion: Motion, free: Motion, apart: Motion, made: Constraints, p
     return replace(motion, rotations=rotations)
 
 
-def _steady(performer: Performer, change: Array) -> Array:
-    """A change of poses, (frames, parts + 1, 3), averaged over time for parts above nothing that rests."""
-    held = held_parts(performer.clip, performer.supports, performer.settings)
-    held = np.concatenate([held, held.max(axis=1, keepdims=True)], axis=1)[..., None]
-    return held * change + (1.0 - held) * performer.clip.averaged(change, SMOOTHING)
-
-
 def blended_supports(free: Supports, bound: Supports, share: Array) -> Supports:
     """Blend the weights of `bound` supports, which have more joints, into `free` ones by `share`, (frames,)."""
     weights, share = np.zeros_like(bound.weights), share[:, None]
@@ -157,9 +143,8 @@ def blended_supports(free: Supports, bound: Supports, share: Array) -> Supports:
 
 
 def meet(performer: Performer, motion: Motion, constraints: Constraints) -> Motion:
-    """Return a motion that meets constraints, in their frames. One solve bends limbs out of skin and to their
-    constraints; the errors that are left are added to the targets of the next, as in the method of multipliers. Parts
-    that rest on the body itself do so, whatever skin they enter.
+    """Return a motion that meets constraints in their frames. The errors that one solve of limbs and skin leaves are
+    added to the targets of the next, as in the method of multipliers; parts that rest on the body enter its skin.
     """
     skins, body, wanted = performer.match.skins, performer.match.matching.target, constraints.share > 0.0
     if skins is None or constraints.rest_on_body:
@@ -228,8 +213,8 @@ def _errors(performer: Performer, constraints: Constraints, posed: Motion) -> It
 
 
 def blended_in(several: Sequence[Constraints], without: Motion, bound: Motion, has_onset: bool = False) -> Motion:
-    """Blend a motion `bound` by constraints into the motion `without` them, by the share of the constraints of all
-    performers. If the motion itself sets in and fades (`has_onset`), the blend is complete early in its onset.
+    """Blend a motion `bound` by constraints into that without, by the share of the constraints of all performers; if
+    the motion itself sets in and fades (`has_onset`), early in its onset.
     """
     constraints = [constraint for each in several for constraint in each]
     lead = np.max([constraint.lead * constraint.frames for constraint in constraints], axis=0)
@@ -239,10 +224,8 @@ def blended_in(several: Sequence[Constraints], without: Motion, bound: Motion, h
 
 
 def _blended(without: Motion, bound: Motion, share: Array, lead: Numbers, shots: Shots) -> Motion:
-    """Blend the motion `bound` into the motion `without` by `share`, (frames,), 0 to 1. Outside, the difference at the
-    nearest frame with a share fades out over the `lead` of that frame, (frames,) [frames].
-
-    Frames farther away do not change, nor do frames across a cut between `shots`, (frames,).
+    """Blend `bound` into `without` by `share`, (frames,). Outside, the difference at the nearest frame with a share
+    fades out over its `lead`, (frames,), but not across a cut between `shots`, (frames,).
     """
     roots, rotations = np.array(without.root_positions), np.array(without.rotations)
     for shot in slices_of(shots):
@@ -262,9 +245,7 @@ def _blended(without: Motion, bound: Motion, share: Array, lead: Numbers, shots:
 
 
 def _added(without: Motion, bound: Motion, share: Array, lead: Numbers) -> Array:
-    """(frames, joints + 1, 3), what blending adds to the frames of one shot: the rotation vectors of joints [rad], and
-    last the offset of the root.
-    """
+    """(frames, joints + 1, 3), what blending adds to a shot: rotation vectors of joints [rad], the root's offset."""
     turns = (_quaternions(without.rotations).inv() * _quaternions(bound.rotations)).as_rotvec()
     offsets = bound.root_positions - without.root_positions
     differ = np.concatenate([turns.reshape(len(offsets), -1, 3), offsets[:, None]], axis=1)

@@ -70,9 +70,7 @@ class Recipe:
 
     @cached_property
     def settings(self) -> dict[str, object]:
-        """All that decides an output, as JSON values: the fields of `Options`, `map` (None for no map), hashes of
-        builds, and settings of reading, writing and edits that differ from their defaults.
-        """
+        """All that decides an output, as JSON values: options, map, hashes of builds, and changed other settings."""
         pairs: dict[str, object] = {"map": dict(self.map_file.pairs) or None}
         if self.map_file.rest:
             pairs["rest"] = dict(self.map_file.rest.rotations)
@@ -84,9 +82,7 @@ class Recipe:
         return asdict(self.options) | pairs | hashes | changed
 
     def read(self, source: InputFile) -> tuple[Motion, tuple[str, ...]]:
-        """Return the edited motion of a clip, and a line on each thing in its file that is left out; errors as in
-        `parse_motion` and `Edits.of`.
-        """
+        """Return the edited motion of a clip, and a line on each thing left out; errors as in `parse_motion`."""
         motion, lost = parse_motion(source, self.clip, self.fps)
         with in_file(source.path):
             return self.edits.of(motion), lost
@@ -96,9 +92,7 @@ class Recipe:
         return self.clip if self.clip and not self.clip.startswith("#") else Path(source.path).stem
 
     def transfer(self, motion: Motion, source: InputFile, target: LoadedTarget, path: str | Path) -> Transfer:
-        """Return the transfer of a motion, from the file `source`, to a target, from the file `path`; errors name the
-        file at fault.
-        """
+        """Return the transfer of a motion, from a file, to a target in another; errors name the file at fault."""
         skeleton = motion.rigid_skeleton
         pairs = joint_map(skeleton, target.for_source(skeleton), path, self.map_file)
         rest = self.map_file.rest.on(skeleton) if self.map_file.rest else None
@@ -111,17 +105,11 @@ DEFAULT_RECIPE = Recipe()
 
 @dataclass(frozen=True, eq=False)
 class Converted:
-    """A clip on its target.
+    """A clip on its target."""
 
-    Attributes:
-        result: with the motion as the output file holds it.
-        clip: the clip to write.
-        lacking: the source's expressions that the target lacks; None if expressions are not written.
-    """
-
-    result: RetargetResult
-    clip: NamedClip
-    lacking: tuple[str, ...] | None = None
+    result: RetargetResult  # with the motion as the output file holds it
+    clip: NamedClip  # to write
+    lacking: tuple[str, ...] | None = None  # the source's expressions that the target lacks; None if none are written
 
     def left_out(self, lost: Sequence[str]) -> Iterator[str]:
         """Yield the lines of `Recipe.read` on what is left out; of expressions only those that the target lacks."""
@@ -134,17 +122,10 @@ class Converted:
 
 @dataclass(frozen=True, eq=False)
 class Conversion:
-    """A clip prepared for results that differ only in contacts.
+    """A clip prepared for results that differ only in contacts."""
 
-    Attributes:
-        prepared: the clip on its target.
-        source: the clip's file; its mesh shows how thick the performer is, unless the recipe has a build.
-        target: the body.
-        recipe: how to retarget and write.
-    """
-
-    prepared: Prepared
-    source: InputFile
+    prepared: Prepared  # on its target
+    source: InputFile  # its mesh shows how thick the performer is, unless the recipe has a build
     target: TargetFile
     recipe: Recipe
 
@@ -164,16 +145,8 @@ class Conversion:
         contacts: ContactList = NO_CONTACTS,
         progress: Progress = ignore_progress,
     ) -> Converted:
-        """Retarget the clip with a user's contacts.
-
-        Args:
-            name: the name of the animation.
-            kinds: the kinds of outputs; the motion is measured as written to the first.
-            contacts: as in `retarget`.
-            progress: as in `retarget`.
-
-        Raises:
-            DistretargetError: as in `retarget`; it names the file at fault.
+        """Retarget the clip with a user's contacts, as an animation of a `name`. The motion is measured as written to
+        the first of the `kinds` of outputs; errors are those of `retarget`, and name the file at fault.
         """
         with in_file(self.source.path):
             result = self.prepared.solved(contacts, progress=progress)

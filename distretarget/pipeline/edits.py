@@ -80,7 +80,6 @@ def _matrices(rotations: Array) -> Array:
 
 def find_partners(skeleton: Skeleton, roles: Mapping[str, int], reflection: Array) -> Numbers:
     """Return the joint on the other side of each joint, itself in the middle, and -1 where there is none, (joints,).
-
     `roles` are the known joints, and `reflection`, (3, 3), exchanges the sides of the rest pose.
     """
     other = {joint: roles.get(_other_side(role)) for role, joint in roles.items()}
@@ -121,9 +120,7 @@ def _other_side(role: str) -> str:
 
 
 def _left(skeleton: Skeleton, roles: Mapping[str, int]) -> Array:
-    """(3,), the unit vector to the left of a body in its rest pose, by its paired joints; a MotionError if there are
-    none.
-    """
+    """(3,), the unit vector to the left of a body in its rest pose, by paired joints; a MotionError without these."""
     rest, across = skeleton.rest_positions, np.zeros(3)
     for role, joint in roles.items():
         if role.startswith(SIDES[0]) and _other_side(role) in roles:
@@ -189,12 +186,8 @@ class Edits:
         return self.together([motion])[0]
 
     def together(self, performers: Sequence[Motion], props: Sequence[Motion] = ()) -> list[Motion]:
-        """Return the edited motions of performers, then of props, in one world: all are mirrored and turned like the
-        first performer, and their loops have its `carry`. Props of one frame are only turned.
-
-        Raises:
-            SettingsError: props are to be mirrored, which have no left and right.
-            MotionError: as in the functions.
+        """Return the edited motions of performers, then of props, in one world: mirrored and turned like the first,
+        with loops of its `carry`; props of one frame are only turned. A SettingsError if props are to be mirrored.
         """
         if self.mirror and props:
             raise SettingsError("props have no left and right to mirror; leave out mirror, or the props")
@@ -219,9 +212,7 @@ class Edits:
         return motions
 
     def of_values(self, values_at: Callable[[Array], Array], frames: int, frame_time: float) -> Array:
-        """Return values, (frames, n), along an edited motion with this number of frames; `values_at` returns values at
-        times of the original clip, (frames,) [s]. Mirroring and turning do not change values.
-        """
+        """Values, (frames, n), along an edited motion; `values_at` gives those at times of the clip, (frames,) [s]."""
         first = 0 if self.start is None else _first_frame(_seconds("start", self.start, frame_time), frame_time)
         values = values_at(frame_time * (first + self.speed * np.arange(frames, dtype=float)))
         if not self.loop:
@@ -330,10 +321,8 @@ def _seam(frames: int, frame_time: float) -> int:
 
 
 def _bends(off: Array, speeds: Array, seam: int, frames: int) -> Array:
-    """(frames, n), offsets that make the step from the last frame to the next round the mean of the steps around it.
-
-    `off`, (n,), is the step from the last frame to the first of the next round, and `speeds`, (2, n), are the steps
-    before and after. Each side takes half of the surplus, and half of the change of speed, and both fade smoothly.
+    """(frames, n), offsets that make the step to the next round, `off`, (n,), the mean of the steps around it,
+    `speeds`, (2, n). Each side takes half of the surplus, and half of the change of speed, and both fade smoothly.
     """
     usual = speeds.mean(axis=0)
     gap, jump = 0.5 * (off - usual), 0.5 * (speeds[1] - speeds[0])

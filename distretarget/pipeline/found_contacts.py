@@ -69,7 +69,12 @@ def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> Contac
     performer = match.performer(RootScale.even(find_root_scale(match.matching)))
     performer = performer.with_supports(DEFAULT_OPTIONS, settings)
     touching = _touching(match.matching, performer.clip, performer.supports, settings)
-    entries = [*touching, *_resting(performer.clip, performer.supports)]
+    entries, supports, clip = [*touching], performer.supports, performer.clip
+    rests: NDArray[np.bool_] = np.asarray(supports.weights >= RESTS)
+    for region in np.unique(supports.regions).tolist():
+        for first, end in spans_of(np.asarray(rests[:, supports.regions == region].any(axis=1))).tolist():
+            if (end - first) * clip.frame_time >= SHORTEST:
+                entries.append(Plant(plant=clip.regions.names[region], frames=(first, end - 1), found="planted"))
     return ContactList(tuple(sorted(entries, key=lambda entry: entry.frames or (0, 0))))
 
 
@@ -97,15 +102,15 @@ def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedC
     for entry in found:
         on = np.zeros(len(clip), bool)
         on[slice(int(entry.frames[0]), int(entry.frames[1]) + 1) if entry.frames else slice(None)] = True
-        dropped = on & np.any([~on & on, *(at for each, at in entries if _drops(each, entry))], axis=0)
+        drops = (
+            at
+            for each, at in entries
+            if type(each) is type(entry) and each.parts == entry.parts and not getattr(each, "keep", True)
+        )
+        dropped = on & np.any([~on & on, *drops], axis=0)
         marked += [MarkedContact(each, "dropped") for each in _spans(entry, dropped)]
         marked += [MarkedContact(each, "found") for each in _spans(entry, on & ~dropped)]
     return tuple(sorted(marked, key=lambda each: each.entry.frames or (0, 0)))
-
-
-def _drops(entry: Entry, found: Entry) -> bool:
-    """Whether an entry of the user drops a found contact."""
-    return type(entry) is type(found) and entry.parts == found.parts and not getattr(entry, "keep", True)
 
 
 def _spans(entry: Entry, on: NDArray[np.bool_]) -> Iterator[Entry]:
@@ -156,12 +161,3 @@ class _SkinGaps:
         posed = self.skin.posed(self.source[frames[:: max(len(frames) // 30, 1)]])
         gap = float(np.median(segment_gaps(self.skin.balls, posed, FAR_APART)[:, on].min(axis=1)))
         return "" if gap >= FAR_APART else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
-
-
-def _resting(clip: Clip, supports: Supports) -> Iterator[Entry]:
-    """Entries for the spans in which a region rests on the world."""
-    rests: NDArray[np.bool_] = np.asarray(supports.weights >= RESTS)
-    for region in np.unique(supports.regions).tolist():
-        for first, end in spans_of(np.asarray(rests[:, supports.regions == region].any(axis=1))).tolist():
-            if (end - first) * clip.frame_time >= SHORTEST:
-                yield Plant(plant=clip.regions.names[region], frames=(first, end - 1), found="planted")

@@ -80,11 +80,7 @@ class Match:
         return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
 
     def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
-        """Return the performer at a scale, without supports.
-
-        Raises:
-            MotionError: the root is to follow the source's root, and the source has none on the floor.
-        """
+        """Return the performer at a scale, without supports; a MotionError if there is no root to follow."""
         engine_root = find_engine_root(self.matching, scale, options.root_follows)
         clip = Clip.of(self.matching, scale)
         clip = replace(clip, by_skin=self.skins.target.can_touch) if self.skins else clip
@@ -171,9 +167,7 @@ def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, tr
 
 
 def _find_skins(matching: Matching, goal: Target, source_build: Build | None, transfer: Transfer) -> Skins | None:
-    """The skins of a source and its target; None if either has no capsules, or the target's thickness is neither known
-    nor to be an average one. A target that is the source's skeleton with other lengths has the source's build.
-    """
+    """Skins of source and target; None without capsules or thickness. A changed source has the source's build."""
     builds, average = transfer.builds, transfer.options.skin == "average"
     build = builds.target or (builds.source if isinstance(transfer.target, SkeletonEdit) else None)
     if not (average or build or goal.is_measured):
@@ -248,15 +242,14 @@ class Performer:
         return posed
 
     def result(self, poses: Poses, postures: Postures | None = None, posed: Motion | None = None) -> RetargetResult:
-        """Return the result of the poses, with the paper's solved points if there are any. `posed` is its motion; by
-        default that of the poses with limbs bent by the performer's own skin.
-
-        Raises:
-            MotionError: a frame of the result is wrong; the message names joint and frame.
+        """Return the result of the poses, with the paper's points if any. `posed` is its motion; by default that of the
+        poses with limbs bent by the performer's own skin. A MotionError that names joint and frame if it is wrong.
         """
         self.clip.copy.clear_cache()  # poses are solved; turning the copy by them takes no positions
         posed = self.with_own_skin(self.posed(poses)) if posed is None else posed
-        posed = self._as_channels_allow(posed)
+        if self._lacks_channels(posed):  # take the closest motion
+            moved = replace(self.clip.copy, root_positions=posed.root_positions)
+            posed = fit_rotations(moved, posed.positions, np.arange(1, len(posed.skeleton)), self.clip.roots)
         placed = along_channels(self.engine_root.placed(posed), self.match.matching.body_joints)
         motion = self.match.in_file(placed)
         check_finite(motion)
@@ -273,13 +266,13 @@ class Performer:
             drops=self.clip.drops,
         )
 
-    def _as_channels_allow(self, posed: Motion) -> Motion:
-        """The motion, or the closest one for joints with fewer than three rotation channels."""
-        joints = range(len(posed.skeleton))
-        if not any(_lacks_channels(posed, joint) for joint in joints):
-            return posed
-        moved = replace(self.clip.copy, root_positions=posed.root_positions)
-        return fit_rotations(moved, posed.positions, np.array(joints[1:]), self.clip.roots)
+    def _lacks_channels(self, posed: Motion) -> bool:
+        """Whether a joint may need rotations for which it has too few channels."""
+        skeleton, turns = posed.skeleton, np.abs(posed.rotations[..., :3]).max(axis=(0, 2), initial=0.0)
+        axes = [len(skeleton.rotation_axes(joint)) for joint in range(len(skeleton))]
+        inner = [bool(each) for each in skeleton.children]
+        each = zip(axes, inner, turns, strict=True)
+        return any(0 < own < 3 or (not own and carries and turn > LEAST_TURN) for own, carries, turn in each)
 
 
 @lru_cache(maxsize=4)
@@ -297,20 +290,8 @@ def _check(source: Motion, target: Skeleton) -> None:
             raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all below {SMALLEST:g}")
 
 
-def _lacks_channels(motion: Motion, joint: int) -> bool:
-    """Whether a joint may need rotations for which it has too few channels."""
-    axes = motion.skeleton.rotation_axes(joint)
-    if axes or not motion.skeleton.children[joint]:
-        return 0 < len(axes) < 3
-    return bool(np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > LEAST_TURN)
-
-
 def check_places(posed: Motion, clip: Clip) -> None:
-    """Check that a result has the frames of its source, with hips and ankles near those of the rotation copy.
-
-    Raises:
-        MotionError: it does not; the message names joint and frame.
-    """
+    """Raise a MotionError unless a result has its source's frames, and hips and ankles near those of the copy."""
     if len(posed) != len(clip):
         raise MotionError(f"the result has {len(posed)} frames, the source {len(clip)}; {REPORT}")
     joints = np.array([clip.pelvis, *(pair.target.ankle for pair in clip.legs)])
@@ -322,11 +303,7 @@ def check_places(posed: Motion, clip: Clip) -> None:
 
 
 def check_finite(motion: Motion) -> None:
-    """Check that all positions are finite, and within the bound for positions.
-
-    Raises:
-        MotionError: one is not; the message names joint and frame.
-    """
+    """Check that all positions are finite, and within the bound; a MotionError that names joint and frame if not."""
     if extent(motion.positions) <= LARGEST:
         return
     joints, farthest = np.arange(len(motion.skeleton)), np.abs(motion.positions).max(axis=2)

@@ -23,8 +23,8 @@ from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.measure.comparison import Comparison, Reference
+from distretarget.measure.deviations import find_arm_deviation, find_pops, find_shaking, find_turned
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.needless import find_needless, find_pops, find_shaking, find_turned
 from distretarget.measure.skin import Skin, find_skin
 from distretarget.measure.surface import find_surface
 from distretarget.measure.verdict import Remark, limit_warnings, verdict
@@ -244,7 +244,7 @@ class RetargetResult:
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
-            "needless": find_needless(*motions, body, of_copy, of_result, free),
+            "arm_deviation": find_arm_deviation(*motions, body, of_copy, of_result, free),
             "shaking": Track(find_shaking(*motions, body, shots), parts=keys),
             "pop": Track(find_pops(*motions, body, shots), parts=keys),
             "not_converged": Track(not_converged),
@@ -252,16 +252,12 @@ class RetargetResult:
 
     @cached_property
     def metrics(self) -> dict[Variant, dict[str, float | None]]:
-        """The metrics of the whole clip, by key (`measure.metrics.METRICS`), of source, rotation copy and result; None
-        where nothing was measured.
-        """
+        """The metrics of the clip, by side and key; None where nothing was measured."""
         return {side: clip_metrics(tracks) for side, tracks in self.tracks.items()}
 
     @property
     def verdict(self) -> str:
-        """What was kept and what changed, in a sentence, with the names of metrics over their limits; for a body that
-        cannot turn only that.
-        """
+        """What was kept and what changed, in a sentence, with the names of metrics over their limits."""
         return "".join(self.remarks)
 
     @cached_property
@@ -309,12 +305,11 @@ class RetargetResult:
         """
         lost_turn = (*self._lost_turn(),)
         odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides())
-        return (*odd, *(() if lost_turn else self._consequences()), *self.unmet)
-
-    def _consequences(self) -> Iterator[Remark]:
+        if lost_turn:
+            return (*odd, *self.unmet)
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
-        yield from limit_warnings(self.metrics, self.tracks, causes.of)
-        yield from self._missed_places(causes)
+        over = limit_warnings(self.metrics, self.tracks, causes.of)
+        return (*odd, *over, *self._missed_places(causes), *self.unmet)
 
     def _lost_path(self) -> Iterator[Remark]:
         travels = len(self.source) > 0 and np.ptp(self.source.root_positions, axis=0).any()
@@ -336,7 +331,7 @@ class RetargetResult:
 
     def _exchanged_sides(self) -> Iterator[Remark]:
         for name, body in (("source", self.matching.source), ("target", self.matching.target)):
-            if body.anatomy and (what := body.anatomy.exchanged):
+            if body.anatomy and (what := body.anatomy.swapped_sides):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
                 yield Remark(f"the {name}'s names exchange {named}; they are taken as the body shows them")
 

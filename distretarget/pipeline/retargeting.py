@@ -91,17 +91,11 @@ def retarget(
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """A clip on its target, with all that does not depend on user constraints, for several results.
+    """A clip on its target, with all that does not depend on user constraints, for several results."""
 
-    Attributes:
-        performer: source and target, with the supports of the source.
-        options: as in `retarget`.
-        unconstrained: its solution without user constraints; None until it is `once_solved`.
-    """
-
-    performer: Performer
+    performer: Performer  # source and target, with the supports of the source
     options: Options
-    unconstrained: Unconstrained | None = None
+    unconstrained: Unconstrained | None = None  # its solution without user constraints, once it is `once_solved`
 
     def solved(
         self, contacts: ContactList = NO_CONTACTS, mapper: Mapper = in_threads, progress: Progress = ignore_progress

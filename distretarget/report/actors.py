@@ -165,9 +165,7 @@ def _body_data(actor: Actor) -> dict[str, Any]:
 
 
 def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], Array, Array]:
-    """The bones as thin capsules: joints, ends and radii as in `Capsules`; without those above the hips, and of joints
-    that are `covered`.
-    """
+    """The bones as thin capsules, as in `Capsules`; without those above the hips, and of joints that are `covered`."""
     skeleton, body = actor.motion.rigid_skeleton, actor.body
     others = [*body.above_hips, *body.handles] if body else []
     lower = np.flatnonzero((skeleton.lengths > 0) & (skeleton.parents >= 0) & ~np.isin(skeleton.parents, covered))
@@ -178,9 +176,7 @@ def _bones(actor: Actor, covered: NDArray[np.intp]) -> tuple[NDArray[np.intp], A
 
 @lru_cache(maxsize=2)
 def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, Any]:
-    """The mesh with 16-bit positions, 8-bit normals, and the joints that move each vertex most; its triangles in the
-    order of its materials. It is cached for other results on the same mesh.
-    """
+    """The mesh in few bits, with its triangles in the order of its materials; cached for results on the same mesh."""
     vertices = _turned(Rotation.from_quat(turn), mesh.vertices) / unit
     low, high = vertices.min(axis=0), vertices.max(axis=0)
     scale = float((high - low).max() / 65535) or 1.0

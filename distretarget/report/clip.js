@@ -41,9 +41,9 @@ function limitLine(name, limit, over, factor) {
 }
 
 function cardOfClip(metric) {
-  const {key, factor, judged, comparison, whole, missing, instead} = metric, inUnits = judged === 'ratio' ? 1 : factor;
+  const {key, factor, judged, comparison, whole, missing, supersededBy} = metric, inUnits = judged === 'ratio' ? 1 : factor;
   const {source, result, rotation_copy: copy, limits: usual} = report.metrics, value = scaled(result[key], factor);
-  const judgeable = value !== null && usual[key] !== null && (result[instead] ?? null) === null;
+  const judgeable = value !== null && usual[key] !== null && (result[supersededBy] ?? null) === null;
   const over = judgeable && result[key] > usual[key], limits = report.limits.filter(one => one.metric === key);
   const rows = [
     ...judged === 'value' ? [] : [['A', scaled(source[key], factor)]],

@@ -68,9 +68,7 @@ def write_report(
 def run_page(
     result: RetargetResult, about: About, target: LoadedTarget | None = None, source: InputFile | None = None
 ) -> str:
-    """The HTML of the report on a run: its source, its rotation copy and its result. `target` has the mesh to show, if
-    the result was made without it, and `source` that of the source.
-    """
+    """The HTML of the report on a run; `target` and `source` have the meshes to show."""
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
     body = shown_result("", result, meshes_of(result, target, source))
@@ -83,9 +81,7 @@ def run_motions(result: RetargetResult, meshes: Meshes) -> dict[str, object]:
 
 
 def run_axes(result: RetargetResult) -> list[dict[str, object] | None]:
-    """Return for each joint of a result the axes for anchors (`AnchoredSkin.axes_at`), in the rest pose of the player,
-    and the name of the anchored part; None for joints of no part.
-    """
+    """Return each joint's axes for anchors (`AnchoredSkin.axes_at`) in the player's rest pose, and part; or None."""
     body, turn, unit = result.matching.target, to_y_up(result.world.up_vector), _units(result.matching)[1]
     skin = AnchoredSkin.of(body, result.skins.target.capsules if result.skins else None)
     found = list[dict[str, object] | None]()

@@ -38,9 +38,8 @@ def csv_text(rows: Sequence[Mapping[str, object]]) -> str:
 
 
 def csv_lines(columns: Sequence[str], rows: Iterable[Mapping[str, object]]) -> Iterator[str]:
-    """Yield the lines of a table: the names of its columns, then each row; a missing value or None is an empty cell.
-
-    A text that a spreadsheet would run as a formula has an apostrophe before it.
+    """Yield the lines of a table: the names of its columns, then each row; a missing value is an empty cell, and a text
+    that a spreadsheet would run as a formula has an apostrophe before it.
     """
     line = io.StringIO()
     table = csv.writer(line, lineterminator="\n")
@@ -203,9 +202,7 @@ def metrics_line(result: RetargetResult) -> str:
 
 
 def metrics_json(result: RetargetResult) -> str:
-    """The metrics of a run as JSON: of the whole clip, with the keys and units of `measure.metrics.METRICS`, and of
-    each frame, with `_source` or `_copy` after the keys of source and copy; and the solver's steps, and why it stopped.
-    """
+    """The metrics of a run as JSON: of the clip and of each frame, by key and suffix, and the solver's steps."""
     columns = frame_metrics(result.tracks, len(result.motion))
     frames = {key: [value if math.isfinite(value) else None for value in row.tolist()] for key, row in columns.items()}
     effort, stress = result.effort, result.free_stress

@@ -54,14 +54,12 @@ IMPORT = re.compile(r"^import .*?;\n|^export (?=\w)", re.MULTILINE | re.DOTALL)
 HALVES = re.compile("[\ud800-\udfff]")  # surrogates, which file names may contain and UTF-8 cannot encode
 ESCAPES = {ord(character): f"\\u{ord(character):04x}" for character in "<>&\u2028\u2029"}
 ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
-METRIC_COLUMNS = tuple(name for name, (_, metric) in COLUMNS.items() if "page over clips" in metric.places)
+METRIC_COLUMNS = tuple(name for name, (_, one) in COLUMNS.items() if "page over clips" in one.places)
 FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
 
 
 def html_page(kind: str, title: str, data: Mapping[str, object], **content: str) -> str:
-    """The HTML of a "clip", "index", "scene", "audit" or "framed" page. Its scripts read `data` by name. A page has a
-    player if a name begins with "stage", or if it is "framed". `content` is HTML for the placeholders of these names.
-    """
+    """The HTML of a page; scripts read `data`; a name with "stage" needs a player; `content` is HTML."""
     played = kind == "framed" or any(name.startswith("stage") for name in data)
     modules = [asset(name) for name in SCRIPTS[kind] if played or name not in PLAYER[1:]]
     scripts = [asset(LIBRARY)] * played + ["'use strict';\n" + "\n".join(IMPORT.sub("", one) for one in modules)]
@@ -110,20 +108,14 @@ def index_page(
     title: str,
     stages: Mapping[str, object] = MappingProxyType({}),
 ) -> str:
-    """The HTML of the page over clips, from a record of each.
-
-    `links` are the paths of their reports by output, relative to the page and not quoted; `stages` are data for the
-    player by output, of some clips, of which the first is shown at first.
-    """
+    """The HTML of the page over clips, from their records; `links` to reports, and player data, are by output."""
     table = _table(records, links, [*stages])
     data = {"batch": {**table, "version": VERSION}, "registry": as_data("the source", "the result")}
     return html_page("index", title, data | {f"stage-{k}": stage for k, stage in enumerate(stages.values())})
 
 
 def _table(records: Sequence[ClipRecord], links: Mapping[str, str], played: Sequence[str]) -> dict[str, object]:
-    """The records in few bytes: the `folder` of all clips, which their names omit; `targets` and `warnings` once each;
-    and for each clip a row with the values of `FIELDS`, target and warnings as indices.
-    """
+    """The records in few bytes: folders, targets and warnings once, and for each clip a row of `FIELDS`."""
     targets = list(dict.fromkeys(record["target"] for record in records))
     folder, target_folder = folder_of(record["input"] for record in records), folder_of(targets)
     warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))

@@ -128,11 +128,9 @@ def _player_page(
     tables: Sequence[Table],
     skin_gaps: Mapping[tuple[int, int], SkinContacts | None],
 ) -> str:
-    """The HTML of the page. `sides` are the titles of its sides; `bodies` are performers before props; `measured` has
-    the diff and the contacts of each performer, and `skin_gaps` the gaps of each two performers with skins.
-
-    The unit of length of all sides is twice the leg length of the first performer on the first side; `scale` is in
-    units of the other sides per unit of the first, along the floor.
+    """The HTML of a page with `sides`, titles, of `bodies`, performers before props, and of performers the diff and
+    contacts, `measured`. The unit of length is twice the first leg; `scale` is in units of other sides per unit of the
+    first.
     """
     first, _ = measured[0]
     leg, up = first.matching.source.leg, first.up
@@ -182,9 +180,7 @@ def _joint_of(body: ShownBody, part: str) -> Iterator[tuple[int, int]]:
 
 
 def _marks(pair: Pair, bodies: Sequence[ShownBody], ends: Sequence[tuple[int, int]]) -> list[list[tuple[int, int]]]:
-    """For each side the joints of two bodies between which a mark is shown; none unless both have one. `ends` are their
-    joints on the first side and on the others.
-    """
+    """For each side the joints of two bodies with a mark between them, from `ends` on the first and the other sides."""
     both = [*zip(pair, ends, strict=True)] if len(ends) == len(pair) else []
     sides = range(len(bodies[pair[0]].motions))
     return [[(side * len(bodies) + at, end[min(side, 1)]) for at, end in both] for side in sides]
@@ -227,10 +223,7 @@ def _region(body: ShownBody, joint: int) -> str:
 
 
 def scene_document(diff: SceneDiff, performers: Mapping[str, Values], props: Sequence[str], about: About) -> Values:
-    """The diff of two scenes as JSON values, from the documents of the performers and the names of the props.
-
-    `about` has the limits of `GAP_ERROR`.
-    """
+    """The diff of two scenes as JSON values; `about` has the limits of `GAP_ERROR`."""
     means: Sequence[float | None] = [rounded(100.0 * gap) for gap in diff.mean_gaps or ()] or [None] * 3
     names = [*performers, *props]
     return {

@@ -110,10 +110,8 @@ class Row:
 def rows_of(
     diff: Diff, solid: Capsules | None, actors: Sequence[int], prefix: str = "", marked: Sequence[MarkedContact] = ()
 ) -> list[Row]:
-    """Return the rows of a diff, first those of contacts that were dropped or added.
-
-    `solid` is the surface of B; `actors` are the numbers of the actor of A and of all others, which have the joints of
-    B; `prefix` comes before names; `marked` are the contacts that were found, dropped and added.
+    """Return the rows of a diff, first those of dropped or added contacts. `solid` is the surface of B; `actors` are
+    the numbers of the actor of A and of others, on joints of B; `prefix` comes before names.
     """
     contacts = [*_contacts(diff, actors)]
     named = {name for row in contacts for name in row.name.split(" - ")}
@@ -265,10 +263,8 @@ class ShownBody:
 def bodies_in_motion(
     bodies: Sequence[ShownBody], sides: Mapping[str, Role], up: Array, units: tuple[float, float], facing: float
 ) -> dict[str, object]:
-    """Return the data of bodies in one world, on `sides`: titles, with the roles of performers there.
-
-    `units` are the units of length of the first side and of the others; `facing` is the direction seen from in front,
-    an angle from z about y [rad].
+    """Return the data of bodies in one world, on `sides`: titles, with the roles of performers. `units` are those of
+    length of the first side and the others; `facing` is the direction seen from in front, from z about y [rad].
     """
     floors = [
         min(lowest_skin(one.motions[-other], one.skins[other], one.meshes[other], up) for one in bodies if one.matching)
@@ -308,9 +304,7 @@ def rows_of_body(
 
 
 def view_page(actors: Sequence[Actor], title: str, first: int = 0) -> str:
-    """The HTML of a page with actors, each on a side of its own; the `first` is shown alone if they are many. A single
-    one has a timeline.
-    """
+    """The HTML of a page with actors, each on its side; the `first` is shown alone if they are many."""
     return html_page("scene", title, {"stage": stage_of(actors, first), "numbers": []})
 
 
@@ -335,9 +329,7 @@ def _rows(actor: Actor) -> list[Row]:
 
 
 def actors_of(file: InputFile, side: int = 0, clip: str | None = None) -> list[Actor]:
-    """Return the actors of a file, on sides from number `side` on: its motion; each of its animations, or that called
-    `clip`; or the rest pose if it has none. A DistretargetError if it cannot be read.
-    """
+    """Return the actors of a file, on sides from `side` on: of its motion, animations or `clip`, or at rest."""
     name, motions = Path(file.path).name, [*_motions(file, clip)]
     first = shown_actor(name, side, parse_full_target(file), motions[0][1] if motions else None)
     if len(motions) < 2:

@@ -78,10 +78,9 @@ class PerformerContacts:
         return lengths(one[self.frames, u] - other[self.frames, v]), lengths(self.vectors)
 
     def springs(self, separate: Both, now: Both, compliances: Both, units: tuple[float, float]) -> list[Springs]:
-        """Return the springs on each performer, in its body units, frames first: one per joint, with the summed energy
-        of its pairs. `separate` and `now` are positions (frames, joints, 3), solved without each other and at present
-        [target file units]; joints close gaps in proportion to their `compliances`, (frames, joints); `units` are the
-        body units of both.
+        """Return the springs on each performer, in its body units: one per joint, with the summed energy of its pairs.
+        `separate` and `now` are positions, solved without each other and at present; joints close gaps in proportion to
+        `compliances`, (frames, joints).
         """
 
         def of_pairs(values: Both) -> list[Array]:
@@ -99,9 +98,7 @@ class PerformerContacts:
         ]
 
     def _summed(self, joints: Numbers, k: Array, e: Array, places: Array, count: int) -> Springs:
-        """One spring per joint, over `count` frames, at the equilibrium of its pairs: each entry draws its joint to its
-        row of `places`, (entries, 3), with stiffness A = w (k I + (1 - k) e e^T).
-        """
+        """One spring per joint at the equilibrium of its pairs, that draw it to `places`: A = w (kI + (1 - k)ee^T)."""
         touches = np.bincount(joints) > 0
         drawn, column = np.flatnonzero(touches), np.cumsum(touches) - 1
         cell = self.frames * len(drawn) + column[joints]
@@ -123,10 +120,9 @@ class PerformerContacts:
 def find_performer_contacts(
     one: ContactPoints, other: ContactPoints, scale: RootScale, up: Array, frame_time: float, settings: ContactSettings
 ) -> PerformerContacts:
-    """Return the pairs of joints of two performers that are near each other: their distance D, normalised by the mean
-    length of both paths to the pelvis, is below `settings.reach`. `up`, (3,), is the unit vector up. Vectors have the
-    `scale` of the world, or the ratio of path lengths as in Eq. (1) if smaller: hands that touch stay together where
-    longer legs make the world larger.
+    """Return the pairs of joints of two performers whose distance, over the mean length of both paths to the pelvis, is
+    below `settings.reach`. Vectors have the `scale` of the world, or the ratio of path lengths as in Eq. (1) if
+    smaller: hands that touch stay together where longer legs make the world larger.
     """
     found, lead = [], settings.blend / frame_time
     margin, shots = activation_window(lead), one.shots + other.shots  # a new shot at the cuts of either
@@ -156,9 +152,7 @@ def find_performer_contacts(
 
 
 def relative_stiffness(D: Array, settings: ContactSettings) -> Array:
-    """The stiffness of pairs across bodies, relative to pairs within a body, by normalised distance D. The nearest
-    pairs are the stiffest, since hands of different sizes cannot keep all distances.
-    """
+    """The stiffness of pairs across bodies, by normalised distance; larger if nearer: hands differ in size."""
     return RELATIVE_STIFFNESS * (settings.reach + NEAREST) / (D + NEAREST)
 
 
@@ -191,9 +185,8 @@ class PropContacts:
 def find_prop_contacts(
     points: ContactPoints, prop: Array, leg: float, free: Array, frame_time: float, settings: ContactSettings
 ) -> PropContacts:
-    """Return the joints that come near a prop, whose points are (frames, points, 3). Distances are normalised by the
-    length of a `leg` [source file units], and joints of one region share their stiffness. `free`, (frames, points) of
-    the performer, scales activations; 0 while a joint rests elsewhere.
+    """Return the joints that come near a prop, (frames, points, 3), relative to the length of a `leg`; joints of one
+    region share their stiffness. `free`, (frames, points), scales activations; 0 while a joint rests elsewhere.
     """
     distances = _nearest_distances(points.source, prop)
     D = distances / leg
@@ -233,9 +226,7 @@ class SceneContacts:
         return [self._placement(number, prop, now) for number, prop in enumerate(self.props)]
 
     def _placement(self, number: int, prop: PlacedProp, now: Sequence[Motion]) -> Placement:
-        """The best fit of a prop, in place and rotation, to all joints that hold it (Kabsch). The rotation of a joint
-        counts relative to its rotation copy, which turns as the source does.
-        """
+        """The best fit of a prop to all joints that hold it (Kabsch); their turns are relative to the rotation copy."""
         holds, free = [], prop.free
         for i, grips in prop.grips.items():
             clip, near = self.performers[i].clip, self.on_props[i, number]
@@ -260,9 +251,7 @@ class SceneContacts:
         return Placement(free.centre, middle_b - np.einsum("fij,fj->fi", best, middle_a), best, free.scale)
 
     def springs(self, now: Sequence[Motion], separate: Sequence[Motion] | None = None) -> list[Springs]:
-        """Return the springs from each performer to the others and to props. `separate` has the motions solved without
-        contacts between performers; without it, in the first sweep, springs between performers have no stiffness.
-        """
+        """Return the springs on performers; without `separate`, those to other performers have no stiffness."""
         start = separate or now
         springs = [no_springs(len(one.clip)) for one in self.performers]
         for (i, j), near in self.between.items():
@@ -329,9 +318,7 @@ def find_scene_contacts(performers: Sequence[Performer], props: Sequence[PlacedP
 
 
 def joint_compliance(one: Performer) -> Array:
-    """(frames, joints), the compliance of each joint in contacts with other performers [target file units]: that of the
-    trunk plus, on limbs that do not rest on the world, the limb's length up to the joint.
-    """
+    """(frames, joints) [target file units]: the trunk's, plus the limb's length up to the joint unless it rests."""
     clip, skeleton = one.clip, one.clip.skeleton
     trunk = np.isin(np.append(clip.regions.names, ""), TRUNK_REGIONS)[clip.regions.of_joint]
     limbs = [[*takewhile(lambda each: not trunk[each], skeleton.to_root(joint))] for joint in range(len(skeleton))]
@@ -364,9 +351,7 @@ def _contact_points(one: Performer) -> ContactPoints:
 
 
 def _prop_contacts(one: Performer, points: ContactPoints, prop: PlacedProp, holders: Sequence[int]) -> PropContacts:
-    """The contacts of a performer with a prop. Standing feet are not drawn to it, nor regions that hold it, since the
-    prop follows these. Where several joints hold it, each of these joints is drawn, but not the rest of its region.
-    """
+    """The contacts of a performer with a prop. Standing feet are not drawn to it, nor regions that hold it alone."""
     supports = one.supports
     free = np.ones((len(one.clip), len(points.joints)))
     for support, region in enumerate(supports.regions[: supports.feet]):
@@ -402,9 +387,9 @@ def _yielding(one: Performer, moving: Sequence[tuple[Numbers, Numbers, Array]]) 
 
 
 def rises_over(one: Performer, near: PropContacts, prop: PlacedProp) -> Array:
-    """(frames, joints, 3), the `rises` of prop contacts [target file units]: they bring the skin below a joint as high
-    over the prop as the source's, or onto it, with a constant height over each rest. 0 for arms and feet, for joints
-    beside the prop, and for bodies without skin.
+    """(frames, joints, 3), the `rises` of prop contacts [target file units]: skin below a joint gets as high over the
+    prop as the source's, or onto it, constant over each rest. 0 for arms, feet, joints beside the prop, and without
+    skin.
     """
     clip, undersides, rises = one.clip, one.match.undersides, np.zeros(near.source.shape)
     if undersides is None:

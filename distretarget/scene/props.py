@@ -79,9 +79,7 @@ class PropSurface:
         return KDTree(np.concatenate(points)), np.concatenate(of_triangle)
 
     def nearest(self, x: Array, farthest: float) -> tuple[Array, Array]:
-        """Return the points of the surface nearest to points x, (points, 3), and the directions out of the prop there;
-        nan where the surface is farther than `farthest`. Only the triangles of the `CANDIDATES` nearest samples count.
-        """
+        """Return the nearest points of the surface to x, (points, 3), and the directions out; nan beyond `farthest`."""
         tree, of_triangle = self._samples
         count = min(CANDIDATES, len(of_triangle))
         distances, numbers = tree.query(x, k=count, distance_upper_bound=1.5 * farthest)
@@ -150,9 +148,7 @@ def _parts(corners: Array, areas: Array, size: float) -> tuple[Flags, Flags]:
 
 
 def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Array, Array]:
-    """Return the points on bones nearest to points x, (frames, points, 3), and the directions from there to x. The
-    joints are at `positions`, (frames, joints, 3); the first has no parent.
-    """
+    """Return the points on bones nearest to points x, (frames, points, 3), and the directions from there to x."""
     feet, out = np.empty_like(x), np.empty_like(x)
     for block in blocks_of(len(x)):
         a, points = positions[block][:, parents[1:]], x[block]
@@ -171,9 +167,7 @@ def nearest_on_bones(positions: Array, parents: Numbers, x: Array) -> tuple[Arra
 
 
 def nearest_places(surface: PropSurface | None, motion: Motion, x: Array, farthest: float) -> tuple[Array, Array]:
-    """Return the points of a prop in `motion` nearest to points x, (frames, points, 3), and the directions out of it
-    there: on its surface, nan where that is farther than `farthest`, or without a surface on its bones.
-    """
+    """Return the points of a prop in `motion` nearest to x, (frames, points, 3), and the directions out of it there."""
     if surface is None:
         return nearest_on_bones(motion.positions, motion.skeleton.parents, x)
     turn = Rotation.from_quat(motion.world_rotations[:, 0]).as_matrix()
@@ -249,9 +243,7 @@ class Prop:
 
 
 def prop_of(motion: Motion, joint: str) -> Motion:
-    """Return the motion of a joint and all joints below it, such as a sword in a hand, as a motion of its own; a
-    SkeletonError if there is no such joint.
-    """
+    """Return the motion of a joint and all below it, such as a sword in a hand; a SkeletonError without the joint."""
     check_kind("motion", motion, Motion)
     skeleton = motion.skeleton
     root = skeleton.index(joint)

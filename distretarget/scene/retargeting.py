@@ -289,7 +289,7 @@ def _performer(number: int, *, of_target: bool = False) -> Iterator[None]:
 
 def _facing_one_way(transfers: Sequence[Transfer], props: Sequence[Prop]) -> tuple[Sequence[Transfer], Sequence[Prop]]:
     """Return performers and props, all looking to +Z where some but not all bodies look to -Z by convention."""
-    if len({(each.source.skeleton.looks_back, each.goal.skeleton.looks_back) for each in transfers}) == 1:
+    if len({(each.source.skeleton.faces_negative_z, each.goal.skeleton.faces_negative_z) for each in transfers}) == 1:
         return transfers, props
     ahead = ((each, each.source.facing_forward(), each.loaded.facing_forward()) for each in transfers)
     turned = [replace(each, source=source, target=target) for each, source, target in ahead]

@@ -134,9 +134,7 @@ class SceneSetup:
         return [*(clip.file for clip in self.clips), *filter(None, chain(*others))]
 
     def read(self) -> tuple[list[Motion], list[Prop]]:
-        """Read the edited motions of the performers, and the props; a DistretargetError if a file cannot be read, ends
-        before its start, or has no such prop.
-        """
+        """Read the edited motions of performers, and the props; a DistretargetError if a file is at fault."""
         count, own = len(self.performers), [prop for prop in self.props if prop.part_of is None]
         read = [_read(clip) for clip in (*self.performers, *own)]
         motions = [motion for motion, _ in read]
@@ -195,9 +193,7 @@ def from_start(motion: Motion, start: float) -> Motion:
 
 
 def synchronised(motions: Sequence[Motion], *, cut: bool, resample: bool) -> list[Motion]:
-    """Return the motions: with `resample` at the frame time of the first, with `cut` as long as the shortest. Raise a
-    MotionError if resampled motions that are not cut differ in length.
-    """
+    """Return motions at the frame time of the first, and as long as the shortest; a MotionError if lengths differ."""
     time = motions[0].frame_time_text
     counts = [motion.resampled_frames(time) if resample else len(motion) for motion in motions]
     frames = min(counts) if cut else counts[0]

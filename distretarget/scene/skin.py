@@ -163,9 +163,7 @@ class Bodies:
         return posed
 
     def _proxies(self, shape: PropShape, motion: Motion, centres: Array) -> Array:
-        """(frames, balls, 2, 3), the proxy balls of a prop, as capsules of length 0, for the balls of limbs at
-        `centres`, (frames, balls, 3); out of reach where the prop is far off [mean body units].
-        """
+        """(frames, balls, 2, 3), proxy balls of a prop for balls of limbs; out of reach where the prop is far off."""
         far = DRAWN_WITHIN + self.balls.radii.max(initial=0.0)
         feet, out = nearest_places(shape.surface, motion, self.unit * centres, self.unit * far)
         places = feet / self.unit - shape.radius * out
@@ -187,9 +185,7 @@ def _starts(numbers: Iterable[Numbers], firsts: Numbers) -> Numbers:
 
 
 def collision_skins(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list[Skins | None]:
-    """Return the surface of each performer that others stay outside of: its own, else, unless its mode is "none", an
-    average one if somebody else has a skin.
-    """
+    """Return the surface of each performer that others stay outside of, an average one if only others have skin."""
     found, any_skin = [], any(match.skins for match in matches)
     for match, mode in zip(matches, modes, strict=True):
         bodies, skins = (match.matching.source, match.matching.target), match.skins
@@ -232,9 +228,7 @@ def with_skins(contacts: SceneContacts, poses: Sequence[Poses], skins: Sequence[
 def _with_own_skins(
     contacts: SceneContacts, unbent: Sequence[Motion], sources: Bodies, known: Mapping[int, Skins]
 ) -> list[Motion]:
-    """The motions with limbs bent by their own skins. A limb whose skin touches another performer in the source, or
-    that is drawn to a prop or to a performer without skin, has no contacts with its own body.
-    """
+    """The motions with limbs bent by their own skins, but not limbs that touch another performer or are drawn away."""
     performers, posed = contacts.performers, [*unbent]
     clips = [performers[i].clip for i in known]
     pairs = sources.balls.pairs
@@ -326,9 +320,7 @@ def _anchors_on_others(
     in_source: Array,
     firmness: Array,
 ) -> dict[str, Array]:
-    """The anchor fields of `Frames`, which bring the middle of a hand to the same place of another performer's body as
-    in `source_motions`; `posed`, `zones`, `in_source` and `firmness` as in `anchors`.
-    """
+    """The anchor fields of `Frames`, which bring the middle of a hand to the same place of another performer's body."""
     count, kinds = len(bodies.skins), len(STEADY_PARTS)
     firsts = np.cumsum([0, *(len(skin.limbs) for skin in bodies.skins)])
     fields = no_anchors(len(firmness), int(firsts[-1]), count * kinds)
@@ -368,9 +360,7 @@ def _pull(one: Performer, body: BodySkin) -> Array:
 def _without_worse_bends(
     performers: Sequence[Performer], bodies: Bodies, before: Sequence[Motion], after: Sequence[Motion]
 ) -> Sequence[Motion]:
-    """The motions `after` limbs are bent, without harmful bends: a limb that was inside a prop, and is bent deeper into
-    something on average over a span of frames, as between a body and a wall, stays there as it was `before`.
-    """
+    """The motions `after` limbs are bent, but `before` in spans where a limb gets deeper from within a prop."""
     balls, (limbs, others) = bodies.balls, bodies.balls.pairs.T
     on, of_prop = bodies.displaced.limbs[balls.carriers[balls.of_ball[limbs]]], others >= COUNT * len(after)
     gaps, bent_gaps = (bodies.gaps(motions) for motions in (before, after))

@@ -79,8 +79,8 @@ class Core:
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
     def distance_to_clear(self, other: Core, along: Array, overlap: float, ahead: float = 0.5) -> Array:
-        """(frames,), how far this body has to move along unit vectors, (frames, 3), until it overlaps the other by no
-        more than `overlap`. Only pairs of balls count whose direction from the other's has at least the cosine `ahead`.
+        """(frames,), how far to move along unit vectors, (frames, 3), until no balls `ahead` overlap by more than
+        `overlap`.
         """
         distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
@@ -213,9 +213,7 @@ def solve_scene(
     mapper: Mapper,
     progress: Callable[[int], object],
 ) -> SolvedScene:
-    """Solve a scene; raise a ContactsError if an entry does not suit the clip. Of each performer, `contact_lists` has
-    the user's entries, and `skins` the surface that collides with other performers.
-    """
+    """Solve a scene with the user's entries and each performer's colliding surface; errors as in `Constraints.of`."""
 
     def constraints_of(motions: Sequence[Motion], places: Sequence[Placement]) -> list[Constraints]:
         others = _carriers(performers, motions, props, places)
@@ -281,9 +279,7 @@ def _nearest(prop: PlacedProp, place: Array) -> tuple[Array, Array]:
 def solve_in_sweeps(
     contacts: SceneContacts, mapper: Mapper, progress: Callable[[int], object]
 ) -> tuple[list[Poses], int, float]:
-    """Solve all performers without each other, and again with springs between them while gaps are off. Return the
-    poses of each, the number of sweeps, and the mean gap error after the last [leg lengths].
-    """
+    """Solve performers without each other, then with springs while gaps are off; return poses, sweeps, error."""
     performers = contacts.performers
 
     def solve(number: int, springs: Sequence[Springs]) -> list[Poses]:
@@ -326,9 +322,8 @@ def _hip_springs(one: Performer, motion: Motion) -> Springs:
 
 
 def with_shortfall(springs: Springs, before: Springs, x: Array, regions: Numbers) -> Springs:
-    """Return the springs with the rest positions of each region moved further by its shortfall in the last sweep. That
-    sweep had the springs `before`, the first on the same joints, and led to positions `x`, (frames, joints, 3) [body
-    units]. `regions` are those of all joints.
+    """Return the springs with the rest positions of each region moved further by its shortfall in the last sweep, which
+    had the springs `before` and led to positions `x`, (frames, joints, 3) [body units].
     """
     a, count = springs.a, len(springs.a)
     short = before.rest[:, :count] - x[:, a]

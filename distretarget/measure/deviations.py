@@ -34,11 +34,8 @@ def find_turned(copy: Motion, result: Motion, body: Body) -> Track:
 
 
 def find_pops(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
-    """(frames - 1, joints), the step of each joint of a result relative to the copy, to the next frame, where it is a
-    pop [% of leg length in `INSTANT`]; else 0.
-
-    Joints outside the body, such as a root on the floor, do not pop, nor does any joint at a cut between `shots`,
-    (frames,), or where the source itself jumps.
+    """(frames - 1, joints), the step of each joint relative to the copy where it is a pop [% of leg length in
+    `INSTANT`]; else 0, as outside the body, at a cut between `shots`, (frames,), and where the source itself jumps.
     """
     pops, same_shot = np.zeros((max(len(result) - 1, 0), len(result.skeleton))), np.diff(shots) == 0
     joints, scale = np.flatnonzero(body.regions.of_joint >= 0), 100 * INSTANT / (body.leg * result.frame_time)
@@ -57,35 +54,33 @@ def _sudden(steps: Array, times: float) -> Flags:
     return np.asarray((steps > FAR) & (steps > times * usual_steps(steps)))
 
 
-def find_needless(
+def find_arm_deviation(
     copy: Motion, result: Motion, body: Body, of_copy: Comparison, of_result: Comparison, free: Flags | bool = False
 ) -> Track:
     """The angles of upper arms to the rotation copy, or to the source's directions if larger, (frames, arms) [degrees].
-    They count while the arm has no need to turn: it touches nothing in the source, only feet rest there, and the copied
-    forearm and hand do not sink in.
-
-    `of_copy` and `of_result` are the measurements of the two. Arms may turn in frames that are `free`, (frames,), since
-    the user changed contacts there.
+    They count while the arm touches nothing in the source, only feet rest there, and the copied forearm and hand do not
+    sink in; and not in frames that are `free`, (frames,), where the user changed contacts.
     """
     sides = [side for side in SIDES if f"{side}UpperArm" in body.roles]
     joints = body.anatomy.joints(*(f"{side}UpperArm" for side in sides)) if body.anatomy else []
     keys = result.skeleton.keys_of(joints)
-    off = [_direction_errors(of_result, key) for key in keys]
-    angles = [np.maximum(_angles(copy, result, joint), each) for joint, each in zip(joints, off, strict=True)]
+    off = of_result.tracks["direction_error"]
+    errors = [off.values[:, np.array(off.parts) == key].max(axis=1, initial=0.0) for key in keys]
+    angles = [np.maximum(_angles(copy, result, joint), each) for joint, each in zip(joints, errors, strict=True)]
     counts = _columns([~_may_turn(of_copy, side, result.frame_time, free) for side in sides], len(result)) > 0
     return Track(_columns(angles, len(result)), counts, keys)
 
 
 def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Array:
-    """(frames - 2, joints), how much farther than in the rotation copy each joint of a result is from the midpoint of
-    the frames before and after [% of leg length]: the median over `LASTS`, since a single jump is no shaking. 0 for
-    joints outside the body and at a cut between `shots`, (frames,). For frame times above `INSTANT` it is scaled down,
-    as the distance of a smooth path from the midpoint grows with the square of the frame time.
+    """(frames - 2, joints), how much farther than in the copy each joint is from the midpoint of the frames around [%
+    of leg length]: the median over `LASTS`, since a single jump is no shaking. For frame times above `INSTANT` it is
+    scaled as the distance of a smooth path is; 0 outside the body and at a cut between `shots`, (frames,).
     """
     joints, off = np.flatnonzero(body.regions.of_joint >= 0), np.zeros((max(len(result) - 2, 0), len(result.skeleton)))
     for block in blocks_of(len(off)):
         frames = slice(block.start, block.stop + 2)
-        result_off, copy_off = (_off_midpoint(motion.positions_in(frames)[:, joints]) for motion in (result, copy))
+        paths = (motion.positions_in(frames)[:, joints] for motion in (result, copy))
+        result_off, copy_off = (lengths(x[1:-1] - 0.5 * (x[:-2] + x[2:])) for x in paths)
         off[block, joints] = np.maximum(result_off - copy_off, 0.0)
     cuts = np.diff(shots) != 0
     off[cuts[:-1] | cuts[1:]] = 0.0
@@ -94,11 +89,6 @@ def find_shaking(copy: Motion, result: Motion, body: Body, shots: Shots) -> Arra
     for joint in joints:  # one by one, for which scipy has a faster filter
         off[:, joint] = percent * median_filter(off[:, joint], span, mode="nearest")
     return off
-
-
-def _off_midpoint(paths: Array) -> Array:
-    """(frames - 2, n), the distances of paths, (frames, n, 3), from the midpoint of the frames before and after."""
-    return lengths(paths[1:-1] - 0.5 * (paths[:-2] + paths[2:]))
 
 
 def _columns(values: list[Array] | list[Flags], frames: int) -> Array:
@@ -110,12 +100,6 @@ def _angles(copy: Motion, result: Motion, joint: int) -> Array:
     """(frames,), the angles between the world rotations of a joint [degrees]."""
     cosine = np.abs((copy.world_rotations_of(joint) * result.world_rotations_of(joint)).sum(axis=1))
     return np.asarray(np.degrees(2.0 * np.arccos(np.minimum(cosine, 1.0))))
-
-
-def _direction_errors(of_result: Comparison, key: str) -> Array:
-    """(frames,), the largest direction error of the bones below a joint [degrees]."""
-    off = of_result.tracks["direction_error"]
-    return np.asarray(off.values[:, np.array(off.parts) == key].max(axis=1, initial=0.0))
 
 
 def _may_turn(of_copy: Comparison, side: str, frame_time: float, free: Flags | bool) -> Flags:

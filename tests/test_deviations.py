@@ -11,8 +11,8 @@ from scipy.spatial.transform import Rotation
 from skeleton_edits import in_axes
 
 from distretarget.measure.comparison import Reference
+from distretarget.measure.deviations import AROUND, find_arm_deviation, find_pops, find_shaking, find_turned
 from distretarget.measure.metrics import BY_KEY, Track
-from distretarget.measure.needless import AROUND, find_needless, find_pops, find_shaking, find_turned
 
 FRAMES = 120
 TIME = 0.02  # between the frames of `posed` [s]
@@ -33,14 +33,14 @@ def test_a_part_is_turned_by_the_angle_from_the_copy_to_the_result(joint, degree
     np.testing.assert_allclose(track.values[:, track.parts.index(joint)], degrees)
 
 
-def needless(source, copy, result):
+def arm_deviation(source, copy, result):
     reference = Reference(source, matched(source, source), UP)
-    return find_needless(copy, result, body_of(source), *map(reference.compare, (copy, result)))
+    return find_arm_deviation(copy, result, body_of(source), *map(reference.compare, (copy, result)))
 
 
 def test_an_arm_is_turned_without_need_unless_the_source_touches_something_with_it():
     still, out = standing(), turned_by("LeftShoulder", 20.0)
-    track = needless(still, still, out)
+    track = arm_deviation(still, still, out)
     assert track.counts.all()
     np.testing.assert_allclose(track.values, np.tile([20.0, 0.0], (FRAMES, 1)), atol=1e-6)
     # two hands meet for a moment: both arms may turn then, and for a while before and after
@@ -48,7 +48,7 @@ def test_an_arm_is_turned_without_need_unless_the_source_touches_something_with_
     frames = np.flatnonzero(Reference(clap, matched(clap, clap), UP).compare(clap).contacts.counts)
     assert 0 < len(frames) < 40
     near = np.abs(np.arange(200)[:, None] - frames).min(axis=1) <= int(AROUND / TIME)
-    np.testing.assert_array_equal(needless(clap, clap, clap).counts, np.repeat(~near[:, None], 2, axis=1))
+    np.testing.assert_array_equal(arm_deviation(clap, clap, clap).counts, np.repeat(~near[:, None], 2, axis=1))
 
 
 def test_shaking_is_what_goes_on_and_no_single_jump():
