@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.axes import axis_vector, nearest_axis
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
 from distretarget.body.reference_pose import FOOT_PITCH
@@ -124,7 +123,7 @@ def with_resting_feet(pose: Pose, body: Body, legs: Legs) -> Pose:
 def _reference_sole(body: Body, leg: Leg, pose: Pose) -> Sole:
     """The sole in the reference pose; a hanging foot gets the usual pitch."""
     stance = body.reference.directions
-    up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
+    up = body.up_vector if stance is None else stance.vertical
     ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
     sole = _sole(body, leg, pose, up @ ankle, body.stands or body.anatomy is None or body.foot_pitch is not None)
     if sole.direction @ sole.normal >= -HANGING:

@@ -131,8 +131,8 @@ def _head_axes(body: Body, head: int) -> Axes:
     the mean heading of the body. If the rig is built along the neck, axes of the head's joint near to these are taken,
     or none, so that a head that is bent or turned in the whole motion does not change the result.
     """
-    if body.up_at_rest:
-        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.at_rest and body.stands_at_rest:
+        return body.at_rest.vertical, body.rest.axes[:, 2]
     if body.motion is None or body.in_motion is None or len(body.motion) < LEAST_FRAMES:
         return UNKNOWN
     neck = body.skeleton.parents[head]
@@ -152,8 +152,8 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
     """
     if leg.toe == leg.ankle:
         return UNKNOWN
-    if body.up_at_rest:
-        up = axis_vector(body.up_at_rest)
+    if body.at_rest and body.stands_at_rest:
+        up = body.at_rest.vertical
         if abs(direction(body.rest.positions, leg.ankle, leg.toe) @ up) <= STEEPEST:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:
