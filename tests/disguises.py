@@ -11,7 +11,7 @@ import numpy as np
 from bodies import SAMPLES, SIDES, in_world
 from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
-from skeleton_edits import on_skeleton, with_chain
+from skeleton_edits import on_skeleton, turned_below, with_chain
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, read_motion, retarget
 from distretarget.body.tree_repairs import reparented
@@ -294,6 +294,18 @@ def leaning(motion: Motion) -> Motion:
     rotations = turn * Rotation.from_quat(motion.rotations.reshape(-1, 4)) * turn.inv()
     rotations = rotations.as_quat().reshape(motion.rotations.shape)
     rotations[:, 0] = (Rotation.from_quat(motion.rotations[:, 0]) * turn.inv()).as_quat()
+    return replace(motion, skeleton=skeleton, rotations=rotations)
+
+
+def with_hanging_feet(motion: Motion) -> Motion:
+    """Feet point farther down in the rest pose; the body moves as before."""
+    turn = Rotation.from_euler("x", 40, degrees=True)
+    skeleton, rotations = motion.skeleton, motion.rotations.copy()
+    for ankle in (skeleton.index(f"{side}Ankle") for side in SIDES):
+        for joint in skeleton.subtree(ankle):
+            above = Rotation.identity() if joint == ankle else turn
+            rotations[:, joint] = (above * Rotation.from_quat(rotations[:, joint]) * turn.inv()).as_quat()
+        skeleton = turned_below(skeleton, ankle, turn)
     return replace(motion, skeleton=skeleton, rotations=rotations)
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from animals import dog
-from bodies import SIDES, swaying
+from bodies import HERO, SIDES, swaying
 from built_rigs import BUILDS, with_axes
 from disguises import (
     ARM,
@@ -28,13 +28,14 @@ from disguises import (
     targets,
     toes_end,
     twins,
+    with_hanging_feet,
     with_joints_before_thighs,
     with_sword,
     without_toes,
 )
 from scipy.spatial.transform import Rotation
 
-from distretarget import Body, MatchingError, retarget
+from distretarget import Body, MatchingError, load_target, retarget
 from distretarget.body.tree_repairs import reparented
 from distretarget.skeleton import POSITION_CHANNELS
 
@@ -95,9 +96,10 @@ def test_limbs_are_on_the_sides_where_they_are(disguise, what, parts, clip, tmp_
     assert line in result.warnings
 
 
-def test_arms_of_a_target_are_on_the_sides_where_they_are(disguise, tmp_path):
-    usual, other = (disguise.target(structure, tmp_path) for structure in (plain, exchanged(*ARM)))
-    one, result = (retarget(sample("wave"), target) for target in (usual, other))
+@pytest.mark.parametrize(("parts", "clip"), [(ARM, "wave"), ((*ARM, *LEG), "hands_on_hips")])
+def test_limbs_of_a_target_are_on_the_sides_where_they_are(disguise, parts, clip, tmp_path):
+    usual, other = (disguise.target(structure, tmp_path) for structure in (plain, exchanged(*parts)))
+    one, result = (retarget(sample(clip), target) for target in (usual, other))
     np.testing.assert_allclose(result.motion.positions, one.motion.positions, atol=1e-6 * one.matching.target.height)
 
 
@@ -194,6 +196,13 @@ def test_a_rest_pose_that_leans_changes_nothing(disguise):
         results = [retarget(disguise.worn(each(sample("walk"))), target) for each in (plain, leaning)]
         assert farthest_apart(*(result.motion for result in results)) < 0.01
         assert results[1].warnings == results[0].warnings
+
+
+def test_feet_that_hang_in_the_rest_pose_stand_as_they_rest_in_the_motion(disguise):
+    motions = [
+        retarget(disguise.worn(each(sample("walk"))), load_target(HERO)).motion for each in (plain, with_hanging_feet)
+    ]
+    assert farthest_apart(*motions) < 0.1
 
 
 @pytest.mark.parametrize("structure", [groups, nulls])
