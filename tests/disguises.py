@@ -11,6 +11,7 @@ import numpy as np
 from bodies import SAMPLES, SIDES, in_world
 from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
+from skeleton_edits import on_skeleton, turned_below, with_chain
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, read_motion, retarget
 from distretarget.body.tree_repairs import reparented
@@ -239,32 +240,73 @@ def toes_end(*way: float) -> Structure:
 
 def twins(mark: str, *, below: bool) -> Structure:
     """Every joint but the root has a twin without length, named with a mark, and one of them has all rotations."""
+    return _doubled(lambda name, offset: [(name, offset, not below), (name + mark, 0 * offset, below)])
+
+
+def groups(motion: Motion) -> Motion:
+    """Every joint but the root hangs from one more joint at its own place, named after it, which does not turn."""
+    return _doubled(lambda name, offset: [(f"{name}_grp", offset, False), (name, 0 * offset, True)])(motion)
+
+
+def nulls(motion: Motion) -> Motion:
+    """Every joint but the root hangs from one more joint at the place of its parent, named after it, which does not
+    turn.
+    """
+    return _doubled(lambda name, offset: [(f"{name}_null", 0 * offset, False), (name, offset, True)])(motion)
+
+
+def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bool]]]) -> Structure:
+    """Every joint but the root is two, one below the other; `two` has name and offset of each, and whether it turns."""
 
     def write(motion: Motion) -> Motion:
         skeleton = motion.skeleton
         names, parents, offsets, channels, ends, shown = [], [], [], [], [], []
-        own: dict[int, int] = {}  # the joint from which the children of each hang
+        own: dict[int, int] = {-1: -1}  # the joint from which the children of each hang
         for joint in range(len(skeleton)):
-            above = own[skeleton.parents.item(joint)] if joint else -1
-            for name, offset, turns in (
-                (skeleton.names[joint], skeleton.offsets[joint], not below),
-                (skeleton.names[joint] + mark, np.zeros(3), below),
-            ):
-                is_twin = name != skeleton.names[joint]
-                if is_twin and (not joint or skeleton.end_sites[joint]):
-                    continue
-                names.append(name)
-                parents.append(own[joint] if is_twin else above)
-                offsets.append(offset)
+            name, offset = skeleton.names[joint], skeleton.offsets[joint]
+            single = not joint or bool(skeleton.end_sites[joint])
+            own[joint] = own[skeleton.parents.item(joint)]
+            for each, place, turns in [(name, offset, True)] if single else two(name, offset):
+                parents.append(own[joint])
+                own[joint] = len(names)
+                names.append(each)
+                offsets.append(place)
                 channels.append(skeleton.channels[joint])
                 ends.append(skeleton.end_sites[joint])
-                shown.append(joint if turns or not joint else -1)
-                own[joint] = len(names) - 1
+                shown.append(joint if turns else -1)
         made = Skeleton(names=names, parents=parents, offsets=offsets, channels=channels, end_sites=ends)
         still = np.concatenate([motion.rotations, np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), 1, 1))], axis=1)
         return Motion(made, motion.root_positions, still[:, shown], motion.frame_time_text)
 
     return write
+
+
+def with_sword(motion: Motion) -> Motion:
+    """A hand holds a sword."""
+    named = {"Sword": [0.0, 0.0, 5.0], "Tip": [0.0, 90.0, 0.0]}
+    return on_skeleton(motion, with_chain(motion.skeleton, motion.skeleton.index("RightWrist"), named))
+
+
+def leaning(motion: Motion) -> Motion:
+    """The rest pose leans to the side; the body moves as before."""
+    turn = Rotation.from_euler("z", 30, degrees=True)
+    skeleton = motion.skeleton.with_offsets(turn.apply(np.array(motion.skeleton.offsets)))
+    rotations = turn * Rotation.from_quat(motion.rotations.reshape(-1, 4)) * turn.inv()
+    rotations = rotations.as_quat().reshape(motion.rotations.shape)
+    rotations[:, 0] = (Rotation.from_quat(motion.rotations[:, 0]) * turn.inv()).as_quat()
+    return replace(motion, skeleton=skeleton, rotations=rotations)
+
+
+def with_hanging_feet(motion: Motion) -> Motion:
+    """Feet point farther down in the rest pose; the body moves as before."""
+    turn = Rotation.from_euler("x", 40, degrees=True)
+    skeleton, rotations = motion.skeleton, motion.rotations.copy()
+    for ankle in (skeleton.index(f"{side}Ankle") for side in SIDES):
+        for joint in skeleton.subtree(ankle):
+            above = Rotation.identity() if joint == ankle else turn
+            rotations[:, joint] = (above * Rotation.from_quat(rotations[:, joint]) * turn.inv()).as_quat()
+        skeleton = turned_below(skeleton, ankle, turn)
+    return replace(motion, skeleton=skeleton, rotations=rotations)
 
 
 def all_under_root(motion: Motion) -> Motion:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from animals import dog
-from bodies import SIDES, swaying
+from bodies import HERO, SIDES, swaying
 from built_rigs import BUILDS, with_axes
 from disguises import (
     ARM,
@@ -16,7 +16,10 @@ from disguises import (
     beside,
     exchanged,
     farthest_apart,
+    groups,
     hips_on_floor,
+    leaning,
+    nulls,
     off,
     on_high_ankles,
     plain,
@@ -25,12 +28,15 @@ from disguises import (
     targets,
     toes_end,
     twins,
+    with_hanging_feet,
     with_joints_before_thighs,
+    with_sword,
     without_toes,
 )
 from scipy.spatial.transform import Rotation
 
-from distretarget import Body, MatchingError, retarget
+from distretarget import Body, MatchingError, load_target, retarget
+from distretarget.body.tree_repairs import reparented
 from distretarget.skeleton import POSITION_CHANNELS
 
 pytestmark = pytest.mark.parametrize("disguise", DISGUISES, ids=repr)
@@ -90,9 +96,10 @@ def test_limbs_are_on_the_sides_where_they_are(disguise, what, parts, clip, tmp_
     assert line in result.warnings
 
 
-def test_arms_of_a_target_are_on_the_sides_where_they_are(disguise, tmp_path):
-    usual, other = (disguise.target(structure, tmp_path) for structure in (plain, exchanged(*ARM)))
-    one, result = (retarget(sample("wave"), target) for target in (usual, other))
+@pytest.mark.parametrize(("parts", "clip"), [(ARM, "wave"), ((*ARM, *LEG), "hands_on_hips")])
+def test_limbs_of_a_target_are_on_the_sides_where_they_are(disguise, parts, clip, tmp_path):
+    usual, other = (disguise.target(structure, tmp_path) for structure in (plain, exchanged(*parts)))
+    one, result = (retarget(sample(clip), target) for target in (usual, other))
     np.testing.assert_allclose(result.motion.positions, one.motion.positions, atol=1e-6 * one.matching.target.height)
 
 
@@ -160,6 +167,50 @@ def test_toes_of_a_rig_built_along_its_bones_do_not_turn_to_their_tails(disguise
 def test_a_joint_and_its_twin_are_one(disguise, mark, below, tmp_path):
     for target in targets():
         assert off(twins(mark, below=below), disguise, "walk", tmp_path, target) < 0.01
+
+
+@pytest.mark.parametrize("structure", [groups, nulls])
+def test_still_joints_between_those_of_the_body_change_nothing(disguise, structure, tmp_path):
+    for target in targets():
+        assert off(structure, disguise, "walk", tmp_path, target) < 0.01
+
+
+def test_what_a_hand_holds_changes_nothing(disguise, tmp_path):
+    for target in targets():
+        assert off(with_sword, disguise, "hands_on_hips", tmp_path, target) < 0.01
+
+
+def test_end_sites_without_length_are_none(disguise):
+    clip = sample("hands_on_hips")
+    ends = clip.skeleton.end_sites
+    short = clip.skeleton.with_offsets(np.where(ends[:, None], 0.0, clip.skeleton.offsets))
+    joints = {joint: int(clip.skeleton.parents[joint]) for joint in clip.skeleton.joints}
+    without = reparented(clip.skeleton, joints, dict(enumerate(clip.skeleton.channels)))
+    for target in targets():
+        motions = (disguise.worn(each) for each in (replace(clip, skeleton=short), without.motion(clip)))
+        assert farthest_apart(*(retarget(motion, target).motion for motion in motions)) < 0.01
+
+
+def test_a_rest_pose_that_leans_changes_nothing(disguise):
+    for target in targets():
+        results = [retarget(disguise.worn(each(sample("walk"))), target) for each in (plain, leaning)]
+        assert farthest_apart(*(result.motion for result in results)) < 0.01
+        assert results[1].warnings == results[0].warnings
+
+
+def test_feet_that_hang_in_the_rest_pose_stand_as_they_rest_in_the_motion(disguise):
+    motions = [
+        retarget(disguise.worn(each(sample("walk"))), load_target(HERO)).motion for each in (plain, with_hanging_feet)
+    ]
+    assert farthest_apart(*motions) < 0.1
+
+
+@pytest.mark.parametrize("structure", [groups, nulls])
+def test_still_joints_between_those_of_a_target_follow_their_parents(disguise, structure, tmp_path):
+    if disguise.gltf:
+        pytest.skip("a mesh knows no other joints")
+    usual, other = (disguise.target(each, tmp_path) for each in (plain, structure))
+    assert farthest_apart(*(retarget(sample("walk"), target).motion for target in (usual, other))) < 1.5
 
 
 def test_a_map_may_name_a_twin(disguise, tmp_path):

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES, UP, matched, person, posed
+from bodies import HERO, LEG, SAMPLES, SIDES, UP, matched, person, posed
 from capsule_bodies import capsule_surface, mesh_of
 
 from distretarget import load_target, read_bvh, retarget
@@ -38,6 +38,20 @@ def test_what_stands_on_a_step_belongs_there_and_what_is_near_the_floor_on_it():
     heights, of_source = np.array([1.5, 1.4, 1.0, 1.04, 0.9]), np.array([1.5, 1.5, 1.05, 1.05, 1.05])
     np.testing.assert_allclose(height_errors(heights, of_source, 1.0), [0.0, -0.1, 0.0, 0.0, -0.1])
     assert height_errors(np.array([1.0]), np.array([1.0 + 1.01 * NEAR]), 1.0) == pytest.approx(-1.01 * NEAR)
+
+
+@pytest.mark.parametrize(("crouch", "off"), [(0.0, 0.0), (0.05, 5.0)])
+def test_hips_over_a_foot_that_comes_to_the_floor_are_right_at_the_source_s_height(crouch, off):
+    """For a while the source's left foot stands a little above the floor, that of the result on it."""
+    bend = np.where(np.arange(40) < 10, 0.25, 0.0)[:, None] * [1.0, 0.0, 0.0]
+    turns = {"LeftHip": -bend, "LeftKnee": 2 * bend, "LeftAnkle": -bend}
+    source, flat = (posed(person(), each, np.zeros((40, 3)) + UP) for each in (turns, {}))
+    down = np.arccos(1.0 - crouch) * np.array([1.0, 0.0, 0.0])
+    knees = {f"{side}{part}": sign * down for side in SIDES for part, sign in (("Hip", -1), ("Knee", 2), ("Ankle", -1))}
+    result = posed(person(), knees, np.zeros((40, 3)) + UP - crouch * LEG * UP) if crouch else flat
+    hips = Reference(source, matched(source, result), UP).compare(result).tracks["hips_height"]
+    assert hips.values[hips.weights > 0].mean() == pytest.approx(off, abs=1.0)
+    assert hips.values[5, 0] == pytest.approx(max(off - 3.1, 0.0), abs=0.2)
 
 
 def test_a_body_that_never_rests_has_no_figure_of_the_floor():

@@ -197,6 +197,15 @@ def test_a_foot_that_stands_flat_lifts_the_hips_more_than_one_on_its_toes():
     assert np.all(np.abs(hips_rise(clip, feet) - right) < 0.4 * np.abs(left - right))
 
 
+def test_a_foot_that_is_still_in_the_air_lifts_the_hips_less_than_one_on_the_floor():
+    raised = standing(person(), turns={"LeftHip": [-0.6, 0, 0], "LeftKnee": [1.2, 0, 0], "LeftAnkle": [-0.6, 0, 0]})
+    clip = Clip.of(matched(raised, person()), RootScale.even(1.0))
+    feet = find_foot_lock(clip)
+    rises = np.where(np.isin(feet.joints, feet.joints[:2]), 0.1, 0.0)
+    places = raised.positions[:, feet.joints] + rises[:, None] * UP
+    assert 0.0 < hips_rise(clip, replace(feet, places=places, weights=np.ones_like(feet.weights))).max() < 0.03
+
+
 @pytest.mark.parametrize(("feet", "share"), [([1, 1, 0, 0], -1.0), ([0, 0, 1, 1], 1.0), ([1, 1, 1, 1], 0.0)])
 def test_wide_hips_that_tilt_are_as_high_as_narrow_ones_by_the_leg_that_stands(feet, share):
     tilt, wider = 0.3, 2.0

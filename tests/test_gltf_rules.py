@@ -199,6 +199,12 @@ def test_the_skin_is_where_the_file_shows_it(tmp_path, rig):
     np.testing.assert_allclose(mesh.posed(still)[0], mesh.vertices, atol=1e-9)
 
 
+def test_the_outside_of_a_mirrored_skin_is_outside(tmp_path):
+    meshes = [read(hero(**RIGS[rig]).write(tmp_path / f"{rig}.glb"))[1] for rig in ("plain", "mirrored")]
+    one, mirrored = (np.linalg.det(mesh.vertices[mesh.triangles]).sum() for mesh in meshes)
+    assert mirrored == pytest.approx(one)
+
+
 @pytest.mark.parametrize("rig", [rig for rig in RIGS if rig != "matrices"])
 def test_the_skin_moves_as_a_player_moves_it(tmp_path, rig):
     made = hero(**RIGS[rig])

@@ -5,7 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import PERSON, SAMPLES, UP, lengthened, posed
+from bodies import HERO, PERSON, SAMPLES, UP, lengthened, posed
 from capsule_bodies import capsule_surface, mesh_of
 from sample_supports import FLOOR, SUPPORTED, WORLD
 from scipy.spatial.transform import Rotation
@@ -269,3 +269,15 @@ def test_the_height_of_a_support_is_right_up_to_where_its_skin_is_as_high():
     result = retarget(source, Target(child, {}, "child", radii={knee: 11.0}))
     assert result.metrics["result"]["support_height"] < 1
     assert replace(result, baseline=replace(result.baseline, skins=None)).metrics["result"]["support_height"] > 2
+
+
+@pytest.mark.parametrize("side", [-90, 90])
+def test_a_body_that_lies_on_an_elbow_lies_on_the_floor_while_its_feet_are_in_the_air(side):
+    clip, turn = read_bvh(SAMPLES / "hands_on_hips.bvh")[::6], Rotation.from_euler("z", side, degrees=True)
+    rotations = np.array(clip.rotations)
+    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
+    lying = replace(clip, rotations=rotations, root_positions=turn.apply(np.array(clip.root_positions)))
+    down = np.median(lying.positions[..., 1].min(axis=1)) - 3.0
+    result = retarget(replace(lying, root_positions=lying.root_positions - down * UP), load_target(HERO))
+    lowest = result.mesh.posed(result.motion)[..., 1].min(axis=1)
+    assert np.median(np.abs(lowest)) < 0.02 * result.matching.target.height

@@ -157,7 +157,7 @@ def _by_anatomy(skeleton: Skeleton, anatomy: Anatomy) -> dict[int, str]:
         for part, bone in EXTREMITIES.items():
             joint, above = (anatomy.roles.get(side + role, -1) for role in (part, bone))
             if min(joint, above) >= 0:
-                reach, longest = skeleton.paths_from(joint), skeleton.paths_from(above)[joint]
+                reach, longest = skeleton.paths_from(joint)[skeleton.farthest], skeleton.paths_from(above)[joint]
                 near = [below for below in skeleton.subtree(joint) if reach[below] <= longest]
                 labels = dict.fromkeys(near, labels[joint]) | labels
     return labels

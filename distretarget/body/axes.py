@@ -78,6 +78,11 @@ class Directions:
         directions = [direction for direction in (self.trunk, -self.legs) if direction.any()]
         return np.asarray(np.mean(directions, axis=0)) if directions else np.zeros_like(self.trunk)
 
+    @property
+    def vertical(self) -> Array:
+        """(3,), the unit vector up of a posture in which the body stands: `up`, or an axis of the file near to it."""
+        return _snapped(normalised(self.up))
+
     @cached_property
     def left(self) -> Array:
         """(..., 3), unit vectors from right to left across hip joints and shoulders together."""

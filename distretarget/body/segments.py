@@ -265,7 +265,9 @@ def _hand(size: _Size, side: str, carriers: Numbers) -> Iterator[tuple[str, Part
     known = anatomy.joints(*(f"{side}{finger}1" for finger in FINGERS[1:]))
     average = PALM * size.size
     is_known = len(known) >= FEWEST_FINGERS
-    tip = x[known].mean(axis=0) if is_known else x[size.skeleton.farthest[hand]]
+    own = [joint for joint in size.skeleton.subtree(hand) if carriers[joint] >= 0]  # without what it holds
+    farthest = max(own, key=size.skeleton.paths_from(hand).item)
+    tip = x[known].mean(axis=0) if is_known else x[farthest]
     along = tip - x[hand]
     if not along.any():
         along = x[hand] - x[elbow]

@@ -9,7 +9,6 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.axes import axis_vector, nearest_axis
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
 from distretarget.body.reference_pose import FOOT_PITCH
@@ -21,6 +20,7 @@ from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
 
 PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average are flat [rad]
+RAISED = np.radians(60)  # and so are feet that both rest with toes lifted by up to this: they hang at rest [rad]
 ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average are flat [rad]
 LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, and not from twice this on [leg lengths]
 GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
@@ -124,7 +124,7 @@ def with_resting_feet(pose: Pose, body: Body, legs: Legs) -> Pose:
 def _reference_sole(body: Body, leg: Leg, pose: Pose) -> Sole:
     """The sole in the reference pose; a hanging foot gets the usual pitch."""
     stance = body.reference.directions
-    up = body.up_vector if stance is None else axis_vector(nearest_axis(stance.up)[0])
+    up = body.up_vector if stance is None else stance.vertical
     ankle = Rotation.from_quat(body.reference.rotations[leg.ankle]).as_matrix()
     sole = _sole(body, leg, pose, up @ ankle, body.stands or body.anatomy is None or body.foot_pitch is not None)
     if sole.direction @ sole.normal >= -HANGING:
@@ -166,28 +166,34 @@ def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array,
 def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Array) -> tuple[Array, Array]:
     """Return the normals of the soles of both legs from resting feet of a motion, (3,) each, in the axes of the ankles.
 
-    Rest poses do not always show flat feet: rigs with splayed legs stand on the edges of their feet. The normal is the
-    median of up while ankle and toe rest, if its angles to the given `soles` are at most `PITCH` and `ROLL`. Larger
-    angles are faded out, to 0 at twice these limits, as feet may rest on their toes.
+    Rest poses do not always show flat feet: rigs with splayed legs stand on the edges of their feet, and feet may hang.
+    The normal is the median of up while ankle and toe rest, if its angles to the given `soles` are at most `PITCH` and
+    `ROLL`, or up to `RAISED` if the toes of both feet are higher than that. Larger angles are faded out, to 0 at twice
+    these limits, as feet may rest on their toes.
     """
+    length = leg_length(motion.skeleton, legs)
+    turns = [_resting_turn(motion, leg, sole.normal, up, length) for leg, sole in zip(legs, soles, strict=True)]
+    pitch = RAISED if all(angles[0] > PITCH for _, angles in turns) else PITCH
     left, right = (
-        _resting_normal(motion, leg, sole.normal, up, leg_length(motion.skeleton, legs))
-        for leg, sole in zip(legs, soles, strict=True)
+        Rotation.from_rotvec(angles * (1.0 - smoothstep(np.abs(angles) / [pitch, ROLL] - 1.0)) @ axes).apply(
+            sole.normal
+        )
+        for (axes, angles), sole in zip(turns, soles, strict=True)
     )
     return left, right
 
 
-def _resting_normal(motion: Motion, leg: Leg, normal: Array, up: Array, length: float) -> Array:
-    """The normal of the sole of one leg, (3,)."""
+def _resting_turn(motion: Motion, leg: Leg, normal: Array, up: Array, length: float) -> tuple[Array, Array]:
+    """The axes of a foot to its side and along it, (2, 3), and the angles, (2,), by which its normal is turned about
+    them to be up while it rests; 0 if it never does [rad].
+    """
     at_rest = _at_rest(motion, leg, up, length)
     if at_rest is None:
-        return normal
+        return np.zeros((2, 3)), np.zeros(2)
     found, toe = at_rest
     axes = np.stack([aside := normalised(cross(normal, toe)), cross(aside, normal)])
     axis = cross(normal, found)
-    angles = axes @ normalised(axis) * np.arctan2(np.linalg.norm(axis), normal @ found)
-    angles *= 1.0 - smoothstep(np.abs(angles) / [PITCH, ROLL] - 1.0)
-    return np.asarray(Rotation.from_rotvec(angles @ axes).apply(normal))
+    return axes, axes @ normalised(axis) * np.arctan2(np.linalg.norm(axis), normal @ found)
 
 
 def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:

@@ -1,5 +1,5 @@
 """Repairs of a joint tree: feet and hands that hang from the root, as in baked IK rigs, move below shin and forearm;
-twins, two joints at one place of which either may turn, become one joint.
+twins, joints at one place of which any may turn, become one joint.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ STRAIGHT = np.radians(60)  # a limb in the rest pose bends by less than this at 
 STRETCH = 0.25  # a baked limb stretches by less than this where its handle was out of reach [of its length]
 SAME_PLACE = 1e-6  # a translation within this of the offset is set to it [body sizes]
 NEAR = 1e-6  # a twin is at most this far from its parent [longest paths]
+STILL = 1e-6  # a joint that turns by less never turns [half angles, rad]
 
 
 class DetachedLimb(NamedTuple):
@@ -141,34 +142,52 @@ def _top_down(parents: Mapping[int, int]) -> list[int]:
 
 
 def without_twins(motion: Motion, kept: Collection[str] = ()) -> Motion:
-    """Return a motion in which a joint and its twin, such as "Arm" and "Arm.001" or "Arm_rot", are one joint with the
-    rotations of both; the same motion if there are no twins, or if a twin's key is in `kept`.
+    """Return a motion in which a joint and its twins, such as "Arm" with "Arm.001", "Arm_rot" or "grp_Arm", are one
+    joint with the rotations of all; the same motion if there are no twins, or if the key of one is in `kept`.
     """
     skeleton = motion.rigid_skeleton
-    twins = {*_twins(skeleton)}
-    if not twins or any(skeleton.keys[twin] in kept for twin in twins):
+    one, names = _joined(motion, skeleton)
+    groups: dict[int, list[int]] = defaultdict(list)
+    for joint, joined in enumerate(one):
+        groups[joined].append(joint)
+    tops = {joint: group[0] for joint, group in groups.items()}
+    named = {next(each for each in group if skeleton.names[each] == names[group[0]]) for group in groups.values()}
+    lost = {skeleton.keys[joint] for joint in skeleton.joints if joint not in named}
+    if not lost or not lost.isdisjoint(kept):
         return motion
-    lowest = list(range(len(skeleton)))  # the lowest twin at the place of each joint
-    for twin in sorted(twins, reverse=True):
-        lowest[skeleton.parents[twin]] = lowest[twin]
-    tops = [joint for joint in range(len(skeleton)) if joint not in twins]
-    above = {lowest[top]: lowest[skeleton.parents[top]] if top else -1 for top in tops}
-    tree = reparented(skeleton, above, {lowest[top]: skeleton.channels[top] for top in tops})
-    names = {lowest[top]: skeleton.names[top] for top in tops}
-    one_each = replace(tree.skeleton, names=tuple(names[joint] for joint in tree.joints.tolist()))
+    above = {joint: one[skeleton.parents[top]] if top else -1 for joint, top in tops.items()}
+    tree = reparented(skeleton, above, {joint: skeleton.channels[top] for joint, top in tops.items()})
+    one_each = replace(tree.skeleton, names=tuple(names[tops[joint]] for joint in tree.joints.tolist()))
     return Reparented(one_each, tree.joints).motion(motion)
 
 
-def _twins(skeleton: Skeleton) -> Iterator[int]:
-    """The twins: joints that coincide with their parent, are its only children, and have its name with one more word;
-    a number, as in the joints of a spine, is no word.
+def _joined(motion: Motion, skeleton: Skeleton) -> tuple[list[int], list[str]]:
+    """The joint that stands for each joint: the lowest of the twins at its place, each of which is the only child of
+    the one above; the parent, for a joint at its place that never turns and has one child with its name; else itself.
+    And the names of joints, those of twins the shortest.
     """
-    near = skeleton.lengths <= NEAR * skeleton.longest_path
-    for joint in skeleton.joints[1:]:
+    near, names, one = skeleton.lengths <= NEAR * skeleton.longest_path, [*skeleton.names], [*range(len(skeleton))]
+    below = [[child for child in children if not skeleton.end_sites[child]] for children in skeleton.children]
+    for joint in reversed([joint for joint in skeleton.joints[1:] if near[joint]]):
         parent = skeleton.parents.item(joint)
-        suffix = skeleton.names[joint].removeprefix(skeleton.names[parent])
-        is_word = suffix[:1].isupper() or not suffix[:1].isalnum()
-        named = suffix not in ("", skeleton.names[joint]) and is_word
-        only_child = [child for child in skeleton.children[parent] if not skeleton.end_sites[child]] == [joint]
-        if near[joint] and only_child and named:
-            yield joint
+        if below[parent] == [joint] and _has_name_of(names[parent], names[joint]):
+            one[parent], names[parent] = joint, min(names[parent], names[joint], key=len)
+        elif one[joint] == joint and len(below[joint]) == 1 and _has_name_of(names[joint], names[below[joint][0]]):
+            turns = np.abs(motion.rotations[:, joint, :3]).max(initial=0.0) > STILL
+            one[joint] = joint if turns else parent
+    for joint in range(len(skeleton)):
+        while one[joint] != one[one[joint]]:
+            one[joint] = one[one[joint]]
+    return one, names
+
+
+def _has_name_of(one: str, other: str) -> bool:
+    """Whether one of two names is the other with one more word; a number, as in the joints of a spine, is no word."""
+    short, name = sorted((each.rpartition(":")[2] for each in (one, other)), key=len)
+    for first in range(len(short) + 1 if 0 < len(short) < len(name) else 0):
+        word = name[first : first + len(name) - len(short)]
+        capital = word[0].isupper() or (first == 0 and short[0].isupper())
+        is_word = capital or not (word[0].isalnum() and word[-1].isalnum())
+        if is_word and short[:first] + word + short[first:] == name:
+            return True
+    return False

@@ -98,6 +98,8 @@ def _bound(
     triangles, own = chosen[kept], None if part.normals is None else part.normals[moved]
     local, weights = part.joints[moved], weights[moved] / sums[moved, None]
     to_world = np.stack([transform for _, transform in placed]) @ part.to_bones
+    mirrored = np.linalg.det(to_world[:, :, :3])[local[np.arange(len(local)), weights.argmax(axis=1)]] < 0.0
+    triangles = np.where(mirrored[numbers[triangles[:, :1]]], triangles[:, ::-1], triangles)  # outside stays outside
     vertices, points = np.zeros((len(local), 3)), part.vertices[moved]
     normals = None if own is None else np.zeros(own.shape)
     for place in range(local.shape[1]):

@@ -337,7 +337,7 @@ def _paired(
 ) -> tuple[Numbers, Numbers, Array, tuple[str, ...]]:
     """Drivers, rotation sources, blend and method of a matching, with the pairs of a map."""
     found_pairs, map_pairs = find_pairs(source, target, crossed), dict(mapped)
-    pairs = with_tips(source.skeleton, target.skeleton, found_pairs | map_pairs)
+    pairs = with_tips(source, target, found_pairs | map_pairs)
     for joint in pairs.keys() - map_pairs.keys():
         if joint in target.handles or pairs[joint][0] in source.handles:
             del pairs[joint]

@@ -103,20 +103,34 @@ def _nearest(skeleton: Skeleton, joint: int, known: Collection[int]) -> int:
     return next((above for above in skeleton.to_root(joint)[1:] if above in known), -1)
 
 
-def with_tips(source: Skeleton, target: Skeleton, pairs: JointPairs) -> JointPairs:
-    """Add pairs of unmatched ends of matched joints: their only children, or else their End Sites in order."""
+def with_tips(source: Body, target: Body, pairs: JointPairs) -> JointPairs:
+    """Add pairs of unmatched ends of matched joints: their only children, or else their End Sites in order. What hands
+    and feet hold is left out, and so are End Sites without length.
+    """
     known = dict(pairs)
-    source_lines = source.with_ancestors(driver for driver, _ in pairs.values() if driver >= 0)
-    lines = target.with_ancestors(pairs)
-    for joint in range(len(target)):
+    source_lines = source.skeleton.with_ancestors(driver for driver, _ in pairs.values() if driver >= 0)
+    lines, is_end, is_own_end = (
+        target.skeleton.with_ancestors(pairs),
+        source.skeleton.end_sites,
+        target.skeleton.end_sites,
+    )
+    for joint in range(len(target.skeleton)):
         driver = known.get(joint, (-1, ""))[0]
         if driver >= 0:
-            ends, children = source.children[driver], target.children[joint]
+            ends, children = _ends(source, driver), _ends(target, joint)
             chain = len(ends) == len(children) == 1
-            free_ends = [end for end in ends if end not in source_lines and (chain or source.end_sites[end])]
-            free = [child for child in children if child not in lines and (chain or target.end_sites[child])]
+            free_ends = [end for end in ends if end not in source_lines and (chain or is_end[end])]
+            free = [child for child in children if child not in lines and (chain or is_own_end[child])]
             known |= {child: (end, "tip") for end, child in zip(free_ends, free, strict=False)}
     return known
+
+
+def _ends(body: Body, joint: int) -> list[int]:
+    """The children of a joint that can be its tips."""
+    skeleton, below = body.skeleton, body.skeleton.children[joint]
+    if body.regions.inside("hand", "foot")[joint]:
+        below = tuple(child for child in below if body.regions.of_joint[child] >= 0)
+    return [child for child in below if skeleton.lengths[child] > 0.0 or not skeleton.end_sites[child]]
 
 
 def spine_blend(source: Body, target: Body) -> Iterator[tuple[int, tuple[int, int], float]]:

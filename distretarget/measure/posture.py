@@ -124,8 +124,8 @@ def _head_axes(body: Body, head: int) -> Axes:
     the rig is built along the neck, the joint's axes near these are taken, or none: the head may be bent in the whole
     motion.
     """
-    if body.up_at_rest:
-        return axis_vector(body.up_at_rest), body.rest.axes[:, 2]
+    if body.at_rest and body.stands_at_rest:
+        return body.at_rest.vertical, body.rest.axes[:, 2]
     if body.motion is None or body.in_motion is None or len(body.motion) < LEAST_FRAMES:
         return UNKNOWN
     neck = body.skeleton.parents[head]
@@ -145,8 +145,8 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
     """
     if leg.toe == leg.ankle:
         return UNKNOWN
-    if body.up_at_rest:
-        up = axis_vector(body.up_at_rest)
+    if body.at_rest and body.stands_at_rest:
+        up = body.at_rest.vertical
         if abs(direction(body.rest.positions, leg.ankle, leg.toe) @ up) <= STEEPEST:
             return up, body.rest.axes[:, 2]
     if body.motion is None or len(body.motion) < 2:

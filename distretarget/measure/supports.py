@@ -3,7 +3,8 @@
 All is found from positions alone: a resting joint is slow, and near its lowest heights, and the floor is at the heights
 of resting soles, without any fitting that could hide an offset of the whole motion. Heights are compared in leg lengths
 of each body. Where the target's feet have a mesh, its lowest vertices are the soles. Their height has no error from
-the mean height of the source's sole over a rest to the source's floor, if these two are near each other.
+the mean height of the source's sole over a rest to the source's floor, if these two are near each other; and hips may
+be nearer to an ankle, or farther, by as much as its sole has moved towards the floor.
 """
 
 from __future__ import annotations
@@ -124,12 +125,15 @@ class SourceFeet:
             off = height_errors(sole, self.sole, self.floor)
         sits = (source.hip < source.sole.min(axis=1, keepdims=True, initial=np.inf) + SITS).any(axis=1)
         on_feet_only = ankle_rests & ~(supports.carry(result.frame_time) | sits)[:, None]
-        hips_off = np.abs(own.hips_over(stands) - source.hips_over(stands))
+        to_floor = np.where(np.abs(self.floor - source.sole) < NEAR, self.floor - source.sole, 0.0)
+        raised = np.clip(own.sole - source.sole, np.minimum(to_floor, 0.0), np.maximum(to_floor, 0.0))
+        hips_off = own.hips_over(stands) - source.hips_over(stands)
+        hips_off -= np.clip(hips_off, np.minimum(-raised, 0.0), np.maximum(-raised, 0.0))
         keys = result.skeleton.keys_of(foot_joints([leg for leg, _ in self.feet]))
         return {
             "foot_skate": Track(own.skate, self.stance, keys),
             "foot_height": Track(100 * np.abs(off), stands, keys[::2]),
-            "hips_height": Track(100 * hips_off, on_feet_only, keys[::2]),
+            "hips_height": Track(100 * np.abs(hips_off), on_feet_only, keys[::2]),
             "floor": self._lowest_errors(sole, supports),
         }
 

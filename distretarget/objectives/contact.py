@@ -187,7 +187,8 @@ def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
     for support, leg in zip(range(0, supports.feet, 2), clip.target_legs or (), strict=False):
         if leg.toe == leg.ankle:
             continue
-        thigh, shin, foot = (bones[:, joint] for joint in (clip.skeleton.parents[leg.ankle], leg.ankle, leg.toe))
+        lower, upper, *_ = (joint for joint in clip.skeleton.to_root(leg.ankle) if clip.skeleton.lengths[joint] > 0.0)
+        thigh, shin, foot = (bones[:, joint] for joint in (upper, lower, leg.toe))
         off = lengths(supports.places[:, support] - clip.copy_on_path(np.array([leg.ankle]))[:, 0])
         share = supports.weights[:, support] * np.minimum(off / (SLIGHT * lengths(shin)), 1.0)
         down = normalised(shin)

@@ -35,7 +35,7 @@ from distretarget.body.resting import REST_SPEED, feet_resting
 from distretarget.body.soles import Sole, floor_height, level_on_floor, sole_height
 from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion
-from distretarget.numerics.joint_paths import heights_of
+from distretarget.numerics.joint_paths import heights_of, lowest_heights
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.time_series import by_shot, median_of_three, smoothed, smoothed_steps, smoothstep, spans_of
@@ -142,7 +142,8 @@ def _widening(clip: Clip, weights: Sequence[Array], sources: Sequence[Foot], cop
 def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) -> Array:
     """Return how far to raise the hips above the source's height, scaled, because the target's ankles are higher,
     (frames,) [target file units]: by the mean over the resting ankles, smoothed. A foot that stands flat counts more
-    than one on its toes. A shot in which no foot rests takes the difference of the soles' ankle heights.
+    than one on its toes, or that is higher than the other. A shot in which no foot rests takes the difference of the
+    soles' ankle heights.
 
     On one leg the pelvis tilts, and the hip joint of that leg is lower in wide hips than in narrow ones; the hips rise
     by that, too. Feet that stand on their mesh are raised by another amount in each rest, so feet that have left the
@@ -152,8 +153,11 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
         return np.zeros(len(clip))
     places = feet.places[:, ::2]
     higher = _over_source(clip, places, [pair.source.ankle for pair in clip.legs])
-    lifts = [heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]
-    rests, flat = feet.weights[:, ::2], 1.0 / (1.0 + np.abs(lifts).T / (ROLL * clip.leg_lengths[0]))
+    lifts = np.abs([heel_lift(clip.source, pair.source_sole, clip.up) for pair in clip.legs]).T
+    lowest = [lowest_heights(clip.source.positions, clip.up, pair.source_sole.joints) for pair in clip.legs]
+    rests, soles = feet.weights[:, ::2], np.stack(lowest, axis=1)
+    above = np.maximum(soles - np.where(rests > 0.0, soles, np.inf).min(axis=1, keepdims=True), 0.0)
+    flat = 1.0 / (1.0 + (lifts + above) / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
     on_mesh = undersides is not None and undersides.feet_have_mesh
     rests, blend = (np.where(rests >= RESTS, rests, 0.0), REST_BLEND) if on_mesh else (rests, ROOT_BLEND)

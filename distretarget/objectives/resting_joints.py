@@ -34,6 +34,7 @@ from distretarget.objectives.supports import BLEND, RESTS, ROOT_BLEND, Supports
 Environment = Literal["body", "scaled"]
 
 LEAST_WEIGHT = 1e-6  # of frames in a mean, where others count
+LOW_FOOT = 0.05  # a foot on the floor is no higher than this above the lowest joint of the body [leg lengths]
 INSIDE = 0.25  # a joint of trunk or head that the body lies on is no higher than this [leg lengths]
 APPROACH_SPEED = 0.5  # a joint moves from the rotation copy to a distant place at about this speed [leg lengths/s] ...
 LONGEST_BLEND = 0.6  # ... but takes no longer than twice this time [s]
@@ -240,11 +241,13 @@ def _rises(
 
 def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Flags) -> Array:
     """(frames, 1), the height of the floor below the source's skin [source file units]: that of resting feet less the
-    thickness of the `sole`; in a shot without these, that of the lowest resting `skin`, (frames, joints).
+    thickness of the `sole`; in a shot without these, that of the lowest resting `skin`, (frames, joints). Feet that are
+    still in the air, as on a rung or above an elbow that carries the body, are not on the floor.
     """
     soles = [heights_of(clip.source.positions, pair.source_sole.joints, clip.up).min(axis=1) for pair in clip.legs]
-    stands = feet.weights.reshape(len(clip), -1, 2).max(axis=2) >= RESTS
-    low = np.where(stands, np.stack(soles, axis=1) - sole, np.inf).min(axis=1)
+    heights, stands = np.stack(soles, axis=1), feet.weights.reshape(len(clip), -1, 2).max(axis=2) >= RESTS
+    stands &= heights - clip.source_floor[:, None] < LOW_FOOT * clip.leg_lengths[0]
+    low = np.where(stands, heights - sole, np.inf).min(axis=1)
 
     def of_shot(low: Array, skin: Array, rests: Flags) -> Array:
         stands = np.isfinite(low)

@@ -163,7 +163,7 @@ def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, tr
     own = goal.is_measured and transfer.builds.target is None and transfer.options.skin != "average"
     if not own or not matching.is_same_rig or matching.target.anatomy is None:
         return None
-    return Build.of(matching.target, target_capsules(goal), mesh)
+    return Build.of(matching.target, _capsules_of(goal, matching.target), mesh)
 
 
 def _find_skins(matching: Matching, goal: Target, source_build: Build | None, transfer: Transfer) -> Skins | None:
@@ -173,7 +173,7 @@ def _find_skins(matching: Matching, goal: Target, source_build: Build | None, tr
     if not (average or build or goal.is_measured):
         return None
     source, build = capsules_by_build(matching.source, source_build), None if average else build
-    target = capsules_by_build(matching.target, build) if build or average else target_capsules(goal)
+    target = capsules_by_build(matching.target, build) if build or average else _capsules_of(goal, matching.target)
     return Skins.of(matching, source, target)
 
 
@@ -182,6 +182,13 @@ def _bare(target: Target) -> SkinnedMesh | None:
     """The mesh of a human target without what its hands hold, cached for a batch of clips with the same target."""
     mesh, body = target.mesh(), Body.of(target.skeleton, target.motion)
     return bare_mesh(body, mesh) if mesh and body.anatomy else None
+
+
+def _capsules_of(target: Target, matched: Body) -> Capsules:
+    """The capsules of a target as it is matched: left and right may be exchanged in its names."""
+    body = Body.of(target.skeleton, target.motion)
+    is_mirrored = matched.anatomy != body.anatomy and matched.anatomy == body.mirrored.anatomy
+    return capsules_of(body.mirrored, target.mesh(), target.radii) if is_mirrored else target_capsules(target)
 
 
 @lru_cache(maxsize=4)
