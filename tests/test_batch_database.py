@@ -232,9 +232,9 @@ def test_a_file_of_another_program_is_left_alone(folder, tmp_path):
     with pytest.raises(FileError, match="is not the database of a batch"):
         Database(folder)
     assert (folder / DATABASE).read_bytes() == before
-    (tmp_path / "out").write_text("")
+    (tmp_path / "file").write_text("")
     with pytest.raises(FileError, match="expected a folder"):
-        Database(tmp_path / "out")
+        Database(tmp_path / "file")
 
 
 @pytest.mark.parametrize("part", [b"", b"\0\xff", zlib.compress(b"1"), "text", None, 1])

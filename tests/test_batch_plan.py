@@ -32,9 +32,9 @@ def test_the_tree_of_a_folder_is_mirrored(tmp_path):
     assert places(found) == ["a/deep/y.bvh", "a/x.bvh", "b.bvh"]
     assert [path for path, _ in found[0]] == [tmp_path / "a/deep/y.bvh", tmp_path / "a/x.BVH", tmp_path / "b.bvh"]
     for name in ("alone.bvh", "duet/lead.bvh", "duet/scene.json"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).touch()
-    assert places(find_clips([tmp_path])) == ["alone.bvh"]
+        (tmp_path / "all" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "all" / name).touch()
+    assert places(find_clips([tmp_path / "all"])) == ["alone.bvh"]
 
 
 def test_several_sources_keep_their_names(tmp_path):

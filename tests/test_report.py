@@ -446,7 +446,7 @@ def elements(content, at=0):
 
 
 def test_a_film_has_each_frame_once_and_at_its_time(opened, tmp_path):
-    tab = opened()
+    tab = opened("Z up")
     if not tab.evaluate("Boolean(globalThis.VideoEncoder)"):
         pytest.skip("this browser codes no films")
     count, step = tab.evaluate("[app.clock.count, app.clock.frameTime]")
