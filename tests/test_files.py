@@ -112,8 +112,8 @@ def test_a_file_has_the_bytes_that_are_given_and_the_usual_permissions(tmp_path)
     (tmp_path / "usual").write_text("x")
     write_whole(tmp_path / "a", "x")
     assert stat.S_IMODE((tmp_path / "a").stat().st_mode) == stat.S_IMODE((tmp_path / "usual").stat().st_mode)
-    write_whole(tmp_path / "a", "x\ny\r\n")
-    assert (tmp_path / "a").read_bytes() == b"x\ny\r\n"
+    write_whole(tmp_path / "ends", "x\ny\r\n")
+    assert (tmp_path / "ends").read_bytes() == b"x\ny\r\n"
     content = bytes(range(1, 256)) + b"\n"
     write_whole(tmp_path / "b", read(tmp_path, content))
     assert (tmp_path / "b").read_bytes() == content
