@@ -261,6 +261,16 @@ def test_a_given_up_comes_before_the_files_and_that_before_the_one_found(up):
     np.testing.assert_array_equal(Body.of(walk.skeleton).with_up(up).up_vector, axis_vector(up))
 
 
+def test_a_body_given_its_up_is_the_same_body():
+    body = Body.of_motion(sample("walk"))
+    assert body.with_up("Y") is body
+    assert body.with_motion(sample("walk"), "Y") is body
+    other = body.with_up("Z")
+    assert other is not body
+    assert (other.skeleton, other.anatomy, other.motion, other.up) == (body.skeleton, body.anatomy, body.motion, "Z")
+    assert other.with_up("Z") is other
+
+
 # ---- size
 
 
