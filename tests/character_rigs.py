@@ -87,9 +87,8 @@ def _metahuman_finger(finger: str, role: str) -> str:
 
 METAHUMAN_HAND = "|".join(map(_metahuman_finger, FIVE[1:], FINGERS[1:])) + (
     "|thumb_metacarpal_slide_@|thumb_01_@=Thumb1(thumb_01_side_out_@|thumb_01_side_inn_@|thumb_02_@=Thumb2("
-    "thumb_02_half_@|"
-    "thumb_02_bulge_@|thumb_02_mcp_@|thumb_03_@=Thumb3(thumb_03_half_@|thumb_03_pip_@|thumb_03_bulge_@)))"
-    "|wrist_inner_@|wrist_outer_@"
+    "thumb_02_half_@|thumb_02_bulge_@|thumb_02_mcp_@|thumb_03_@=Thumb3(thumb_03_half_@|thumb_03_pip_@|thumb_03_bulge_@)"
+    "))|wrist_inner_@|wrist_outer_@"
 )
 METAHUMAN = (
     "root>pelvis=hips(spine_01=spine>spine_02=spine>spine_03=spine>spine_04=spine>spine_05=spine({clavicle_@=Shoulder("
@@ -114,14 +113,12 @@ METAHUMAN = (
 
 CHARACTER_CREATOR = (
     "CC_Base_BoneRoot>CC_Base_Hip=hips(CC_Base_Pelvis({CC_Base_@_Thigh=UpperLeg(CC_Base_@_ThighTwist01>"
-    "CC_Base_@_ThighTwist02|"
-    "CC_Base_@_Calf=LowerLeg(CC_Base_@_CalfTwist01>CC_Base_@_CalfTwist02|CC_Base_@_KneeShareBone|CC_Base_@_Foot=Foot("
-    "CC_Base_@_ToeBaseShareBone|CC_Base_@_ToeBase=Toes(CC_Base_@_BigToe1|CC_Base_@_IndexToe1|CC_Base_@_MidToe1))))})|"
-    "CC_Base_Waist=spine>CC_Base_Spine01=spine>CC_Base_Spine02=spine({CC_Base_@_RibsTwist>CC_Base_@_Breast}|"
-    "CC_Base_NeckTwist01=neck>"
-    "CC_Base_NeckTwist02=neck>CC_Base_Head=head>CC_Base_FacialBone(CC_Base_JawRoot(CC_Base_Tongue01|CC_Base_Teeth02)|"
-    "{CC_Base_@_Eye}|CC_Base_UpperJaw>CC_Base_Teeth01)|{CC_Base_@_Clavicle=Shoulder>CC_Base_@_Upperarm=UpperArm("
-    "CC_Base_@_Forearm=LowerArm("
+    "CC_Base_@_ThighTwist02|CC_Base_@_Calf=LowerLeg(CC_Base_@_CalfTwist01>CC_Base_@_CalfTwist02|"
+    "CC_Base_@_KneeShareBone|CC_Base_@_Foot=Foot(CC_Base_@_ToeBaseShareBone|CC_Base_@_ToeBase=Toes(CC_Base_@_BigToe1|"
+    "CC_Base_@_IndexToe1|CC_Base_@_MidToe1))))})|CC_Base_Waist=spine>CC_Base_Spine01=spine>CC_Base_Spine02=spine("
+    "{CC_Base_@_RibsTwist>CC_Base_@_Breast}|CC_Base_NeckTwist01=neck>CC_Base_NeckTwist02=neck>CC_Base_Head=head>"
+    "CC_Base_FacialBone(CC_Base_JawRoot(CC_Base_Tongue01|CC_Base_Teeth02)|{CC_Base_@_Eye}|CC_Base_UpperJaw>"
+    "CC_Base_Teeth01)|{CC_Base_@_Clavicle=Shoulder>CC_Base_@_Upperarm=UpperArm(CC_Base_@_Forearm=LowerArm("
     "CC_Base_@_ForearmTwist01>CC_Base_@_ForearmTwist02|CC_Base_@_ElbowShareBone|CC_Base_@_Hand=Hand("
     + fingers("CC_Base_@_<f><n>", FIVE_DAZ, (1, 2, 3))
     + "))|CC_Base_@_UpperarmTwist01>CC_Base_@_UpperarmTwist02)}))"
@@ -278,12 +275,11 @@ RIGS = {
         "Rigify",
     ),
     "XNALara": Rig(
-        "root ground>root hips=hips(pelvis({leg @ thigh=UpperLeg>leg @ knee=LowerLeg>leg @ ankle=Foot>"
-        "leg @ toes=Toes})|spine lower=spine>spine middle=spine>spine upper=spine(head neck lower=neck>"
-        "head neck upper=head(head jaw|head eyeball left|head eyeball right|head hair front)|{"
-        "arm @ shoulder 1=Shoulder>arm @ shoulder 2=UpperArm(arm @ shoulder 2 twist|arm @ elbow=LowerArm>"
-        "arm @ wrist=Hand(arm @ finger 1a=Thumb1>arm @ finger 1b=Thumb2>arm @ finger 1c=Thumb3|"
-        "arm @ finger 2a=Index1>arm @ finger 2b=Index2>arm @ finger 2c=Index3))}))",
+        "root ground>root hips=hips(pelvis({leg @ thigh=UpperLeg>leg @ knee=LowerLeg>leg @ ankle=Foot>leg @ toes=Toes})"
+        "|spine lower=spine>spine middle=spine>spine upper=spine(head neck lower=neck>head neck upper=head(head jaw|"
+        "head eyeball left|head eyeball right|head hair front)|{arm @ shoulder 1=Shoulder>arm @ shoulder 2=UpperArm("
+        "arm @ shoulder 2 twist|arm @ elbow=LowerArm>arm @ wrist=Hand(arm @ finger 1a=Thumb1>arm @ finger 1b=Thumb2>"
+        "arm @ finger 1c=Thumb3|arm @ finger 2a=Index1>arm @ finger 2b=Index2>arm @ finger 2c=Index3))}))",
         ("left", "right"),
         "XNALara",
     ),

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
@@ -102,6 +104,7 @@ DISGUISES = (
 )
 
 
+@cache
 def sample(name: str) -> Motion:
     return read_bvh(SAMPLES / f"{name}.bvh")[::3]
 
@@ -117,6 +120,7 @@ def with_names(motion: Motion, names: Mapping[str, str]) -> Motion:
     return replace(motion, skeleton=replace(motion.skeleton, names=tuple(map(name, motion.skeleton.names))))
 
 
+@cache
 def targets() -> tuple[Skeleton, ...]:
     """Bodies with the sample's names, and with other ones."""
     return tuple(load_target(SAMPLES / name).skeleton for name in ("child.json", "rigs/mixamo_a.json"))
@@ -136,8 +140,14 @@ def plain(motion: Motion) -> Motion:
 
 def off(structure: Structure, disguise: Disguise, clip: str, folder: Path, target: Skeleton) -> float:
     """How far joints of the result from a clip in another structure are from those of the plain one [% of height]."""
-    plain, other = (disguise.worn_by(motion, folder) for motion in (sample(clip), structure(sample(clip))))
-    return farthest_apart(*(retarget(motion, target).motion for motion in (plain, other)))
+    other = disguise.worn_by(structure(sample(clip)), folder)
+    return farthest_apart(_plain_result(disguise, clip, target), retarget(other, target).motion)
+
+
+@cache
+def _plain_result(disguise: Disguise, clip: str, target: Skeleton) -> Motion:
+    with TemporaryDirectory() as folder:
+        return retarget(disguise.worn_by(sample(clip), Path(folder)), target).motion
 
 
 # ---- structures

@@ -53,6 +53,8 @@ def test_an_activation_falls_as_the_distance_grows():
     assert np.all(np.diff(f) <= 0)
     assert np.all((f >= 0) & (f <= 1))
     assert np.abs(np.diff(f, 2)).max() < 0.005
+    D = np.linspace(0.0, 0.3, 80)
+    np.testing.assert_allclose(of_self(D, np.zeros(80), np.inf), activation(D[:, None], one_shot(D), 5.0, REACH)[:, 0])
 
 
 @pytest.mark.parametrize("lead", [6, 18])
@@ -94,11 +96,6 @@ def test_a_hand_that_stays_near_on_a_bent_arm_is_in_contact_and_one_that_passes_
     np.testing.assert_allclose(of_self(stays, 0.5 * bent), 0.5)
     passes = HANGING + 0.01 * np.abs(np.arange(120) - 60)
     assert not of_self(passes, bent).any()
-
-
-def test_without_a_known_pose_with_hanging_arms_near_is_a_contact():
-    D = np.linspace(0.0, 0.3, 80)
-    np.testing.assert_allclose(of_self(D, np.zeros(80), np.inf), activation(D[:, None], one_shot(D), 5.0, REACH)[:, 0])
 
 
 @pytest.mark.parametrize("raised", [0.0, 1.0])

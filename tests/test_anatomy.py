@@ -133,7 +133,7 @@ def _region(body: Body, name: str) -> str:
     return body.regions.names[number] if number >= 0 else ""
 
 
-def test_regions_of_a_person() -> None:
+def test_regions_of_a_person():
     body = body_of(person())
     regions = {
         "LeftWrist": "left hand",
@@ -149,6 +149,18 @@ def test_regions_of_a_person() -> None:
     }
     assert {name: _region(body, name) for name in regions} == regions
     assert body.regions.names[:3] == ("left hand", "right hand", "head")
+    regions = body_of(person()).regions
+    joined = {
+        frozenset((regions.names[a], regions.names[b])) for a, b in zip(*np.nonzero(regions.neighbours), strict=True)
+    }
+    assert {frozenset(("left hand", "left forearm")), frozenset(("hips", "right shin"))} <= joined
+    assert frozenset(("left hand", "right hand")) not in joined
+    assert (regions.neighbours == regions.neighbours.T).all()
+    assert regions.neighbours.diagonal().all()
+    body = person()
+    offsets = np.array(with_bone(body, "Sword", "LeftWrist").offsets)
+    offsets[-1] = [0.9, 0.0, 0.0]
+    assert _region(body_of(with_bone(body, "Sword", "LeftWrist").with_offsets(offsets)), "Sword") == ""
 
 
 def test_root_on_the_floor_twist_joints_and_handles_are_no_part_of_the_body() -> None:
@@ -163,24 +175,6 @@ def test_root_on_the_floor_twist_joints_and_handles_are_no_part_of_the_body() ->
 def test_sleeves_hair_skirts_and_props_are_no_part_of_the_body(parent: str) -> None:
     body = body_of(with_bone(with_bone(person(), "Cloth1", parent), "Cloth2", "Cloth1"))
     assert _region(body, "Cloth1") == _region(body, "Cloth2") == ""
-
-
-def test_a_sword_in_the_hand_is_no_part_of_it_from_the_length_of_a_forearm_on() -> None:
-    body = person()
-    offsets = np.array(with_bone(body, "Sword", "LeftWrist").offsets)
-    offsets[-1] = [0.9, 0.0, 0.0]
-    assert _region(body_of(with_bone(body, "Sword", "LeftWrist").with_offsets(offsets)), "Sword") == ""
-
-
-def test_neighbours_are_regions_joined_by_a_bone() -> None:
-    regions = body_of(person()).regions
-    joined = {
-        frozenset((regions.names[a], regions.names[b])) for a, b in zip(*np.nonzero(regions.neighbours), strict=True)
-    }
-    assert {frozenset(("left hand", "left forearm")), frozenset(("hips", "right shin"))} <= joined
-    assert frozenset(("left hand", "right hand")) not in joined
-    assert (regions.neighbours == regions.neighbours.T).all()
-    assert regions.neighbours.diagonal().all()
 
 
 def test_without_an_anatomy_every_limb_is_a_region() -> None:

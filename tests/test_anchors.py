@@ -27,19 +27,7 @@ def points(hands=2, seed=1):
     return np.random.default_rng(seed).normal(size=(5, hands, len(PARTS), 3))
 
 
-def test_on_the_same_body_touching_points_are_on_their_rays():
-    same, touching = axes(), points()
-    places, out, heights = rays(same, same, touching)
-    by = touching - places
-    np.testing.assert_allclose(np.linalg.norm(by, axis=3)[..., None] * out, by, atol=1e-12)
-    np.testing.assert_allclose(
-        heights[..., None] * same.lengths[:, None, :, None],
-        ((places - same.starts[:, None]) * same.directions[:, None, :, 0]).sum(axis=3, keepdims=True),
-        atol=1e-12,
-    )
-
-
-def test_rays_move_with_the_body_and_do_not_depend_on_its_thickness():
+def test_touching_points_are_on_rays_that_move_with_the_body_and_do_not_depend_on_its_thickness():
     one, touching = axes(), points()
     turn, shift = Rotation.from_rotvec([0.3, -1.0, 2.0]), np.array([3.0, -2.0, 1.0])
     moved = Axes(
@@ -57,9 +45,15 @@ def test_rays_move_with_the_body_and_do_not_depend_on_its_thickness():
         np.testing.assert_allclose(start[:, 0], axis, atol=1e-12)
         np.testing.assert_allclose(direction[:, 0], one.directions[:, :, 2], atol=1e-12)
         np.testing.assert_allclose(heights, 0.4)
-
-
-def test_heights_are_in_lengths_of_the_axis():
+    same, touching = axes(), points()
+    places, out, heights = rays(same, same, touching)
+    by = touching - places
+    np.testing.assert_allclose(np.linalg.norm(by, axis=3)[..., None] * out, by, atol=1e-12)
+    np.testing.assert_allclose(
+        heights[..., None] * same.lengths[:, None, :, None],
+        ((places - same.starts[:, None]) * same.directions[:, None, :, 0]).sum(axis=3, keepdims=True),
+        atol=1e-12,
+    )
     one, touching = axes(), points(hands=1)
     longer = one._replace(lengths=3.0 * one.lengths)
     low, high = (rays(one, other, touching)[0] - one.starts[:, None] for other in (one, longer))

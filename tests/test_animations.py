@@ -35,21 +35,15 @@ def test_frames_are_keys(rate, frames, start):
     assert float(animation.frame_time_text) == pytest.approx(1 / rate, rel=2e-2 / frames + 1e-6)
 
 
-def test_rates_of_few_keys():
+def test_rates_of_few_keys_and_of_keys_far_apart():
     assert own_rate(np.array([0.0])) == 30.0
     assert own_rate(np.array([0.0, 1.0, 2.0])) == 24.0
     assert own_rate(np.array([0.0, 0.1, 0.3, 0.7])) == pytest.approx(10.0)
     assert own_rate(np.array([0.0, 0.5, 0.7])) == 30.0
     assert own_rate(np.array([0.0, 0.013, 0.5, 0.7])) == 60.0
-
-
-def test_what_is_too_long_is_refused():
     curve = Curve(np.array([0.0, 1e9]), np.zeros((2, 1, 3)), "LINEAR")
     with pytest.raises(FileError, match="is 1e\\+09 s long; at 100 frames/s that is too much"):
         sampled("a.glb", "walk", {"translation": {0: curve}, "rotation": {}, "scale": {}}, 100.0, 10**6)
-
-
-def test_frames_far_apart_stay_as_they_are():
     times, places = 1000.0 * np.arange(50), np.arange(150.0).reshape(50, 1, 3)
     curves = {"translation": {0: Curve(times, places, "LINEAR")}, "rotation": {}, "scale": {}}
     found = sampled("a.glb", "walk", curves, None, 10**6)
@@ -73,9 +67,6 @@ def test_a_step_holds_a_key_until_the_next():
     steps = curve([[1.0], [2.0], [3.0]], "STEP")
     at = steps.at(np.array([0.0, 1.0, 1.9, 2.0, 3.999, 4.0, 9.0]), rotates=False)
     assert at[:, 0].tolist() == [1.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
-
-
-def test_lines_lead_from_key_to_key_and_the_first_and_last_hold():
     at = curve([[0.0], [1.0], [5.0]]).at(np.array([0.0, 1.25, 2.0, 3.5, 4.0, 7.0]), rotates=False)
     np.testing.assert_allclose(at[:, 0], [0.0, 0.25, 1.0, 4.0, 5.0, 5.0])
 
@@ -93,9 +84,6 @@ def test_splines_are_hermites_with_the_tangents_out_and_in():
     keys = [[[9.0], [1.0], [2.0]], [[-3.0], [4.0], [5.0]], [[7.0], [0.0], [9.0]]]
     at = curve(keys, "CUBICSPLINE").at(np.array([1.0, 1.5, 2.0, 3.0]), rotates=False)
     np.testing.assert_allclose(at[:, 0], [1.0, 2.5 + (2.0 + 3.0) / 8, 4.0, 2.0 + 2.0 * (5.0 - 7.0) / 8])
-
-
-def test_splines_of_rotations_are_unit_quaternions_also_through_zero():
     none = np.zeros(4)
     keys = [[none, about_z(0), none], [none, about_z(90), none], [none, -about_z(90), none]]
     at = curve(keys, "CUBICSPLINE").at(np.array([1.5, 3.0]), rotates=True)

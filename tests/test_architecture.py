@@ -51,8 +51,13 @@ def module_of(path):
     return path.relative_to(PACKAGE).with_suffix("").parts[0]
 
 
+@functools.cache
+def tree_of(path):
+    return ast.parse(path.read_text("utf-8"))
+
+
 def imports_of(path):
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "distretarget":
             yield ([*node.module.split("."), "__init__"])[1]
 
@@ -61,22 +66,13 @@ FILES = sorted(PACKAGE.rglob("*.py"))
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_point_downwards(path):
+def test_imports_point_downwards_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
     room = module_of(path)
     for imported in imports_of(path):
         inside = room == imported and path.parent != PACKAGE
         assert inside or floor_of(imported) > floor_of(room), f"{room} imports {imported}"
-
-
-@pytest.mark.parametrize("path", FILES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_only_the_command_line_prints_and_only_the_bridge_knows_bvhio(path):
-    imported = {
-        alias.name
-        for node in ast.walk(ast.parse(path.read_text()))
-        if isinstance(node, ast.Import)
-        for alias in node.names
-    }
-    imported |= {node.module for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.ImportFrom)}
+    imported = {alias.name for node in ast.walk(tree_of(path)) if isinstance(node, ast.Import) for alias in node.names}
+    imported |= {node.module for node in ast.walk(tree_of(path)) if isinstance(node, ast.ImportFrom)}
     if module_of(path) != "cli" and path.name != "build.py":  # which is a command of its own
         assert not imported & {"click", "tqdm"}
         assert "print(" not in path.read_text()
@@ -112,7 +108,7 @@ JUDGEMENT = ("body.resting", "body.limbs", "body.soles", "matching.undersides", 
 def names_imported_by(room, *but):
     """The names that the files of a room, `but` some, import from the package, each as (module, name)."""
     for path in {*(PACKAGE / room).rglob("*.py")} - {PACKAGE / room / name for name in but}:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.split(".")[0] == "distretarget":
                 yield from ((node.module.removeprefix("distretarget."), alias.name) for alias in node.names)
 
@@ -158,10 +154,10 @@ def test_public_names_exist_and_are_documented(name):
 
 def test_every_public_function_of_the_package_is_documented():
     for path in FILES:
-        for node in ast.parse(path.read_text()).body:
+        for node in tree_of(path).body:
             if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
                 assert ast.get_docstring(node), f"{path.name}: {node.name}"
-        assert ast.get_docstring(ast.parse(path.read_text())), path.name
+        assert ast.get_docstring(tree_of(path)), path.name
 
 
 def set_ups_of_the_front_page():
@@ -180,7 +176,7 @@ def test_two_commands_do_all_the_set_up_and_ci_runs_the_second():
 
 def test_the_extension_for_blender_finds_in_the_package_what_it_imports():
     files = [*(ROOT / "blender").glob("*.py"), ROOT / "tests" / "in_blender.py"]
-    nodes = [node for path in files for node in ast.walk(ast.parse(path.read_text("utf-8")))]
+    nodes = [node for path in files for node in ast.walk(tree_of(path))]
     taken = [
         (node.module, alias.name)
         for node in nodes

@@ -205,6 +205,7 @@ CHAIN = {"names": ["a", "b"], "parents": [-1, 0], "offsets": np.eye(3)[:2], "roo
             {"skeleton": CLAP},
             r"contains 1e\+300; expected finite",
         ),
+        ({"positions": np.full((2, 22, 3), -(2**63)), "fps": 30}, {"skeleton": CLAP}, r"contains 9\.22e\+18; expected"),
         ({"poses": np.zeros((0, 72)), "trans": np.zeros((0, 3)), "fps": 30}, {"skeleton": CLAP}, "poses has no frames"),
         ({"poses": np.full((2, 72), 1e300), "fps": 30}, {"skeleton": CLAP}, r"poses contains 1e\+300"),
         ({**CHAIN, "local_rotations": np.zeros((2, 2, 4))}, {}, "has no rotations, but quaternions of zeros"),
@@ -237,9 +238,6 @@ def test_a_cut_file_is_refused(tmp_path, cut):
     (tmp_path / "clip.npz").write_bytes((tmp_path / "clip.npz").read_bytes()[:cut])
     with pytest.raises(FileError, match="not a whole file of arrays"):
         read_motion(tmp_path / "clip.npz", skeleton=CLAP)
-
-
-def test_a_damaged_header_is_refused(tmp_path):
     path = tmp_path / "clip.npy"
     np.save(path, np.zeros((2, 22, 3)))
     path.write_bytes(path.read_bytes().replace(b"(2, 22, 3)", b"(((((((((("))
@@ -260,12 +258,6 @@ def test_arrays_are_refused_by_their_headers_and_no_others_are_read(tmp_path, mo
     with pytest.raises(FileError, match=r"positions has the shape \(100000, 22, 3\): more numbers than a file of"):
         read_motion(path, skeleton=CLAP)
     assert len(read) == 3
-
-
-def test_the_smallest_whole_number_is_no_place(tmp_path):
-    np.savez(tmp_path / "clip.npz", positions=np.full((2, 22, 3), -(2**63)), fps=30)
-    with pytest.raises(FileError, match=r"positions contains 9\.22e\+18; expected finite numbers up to 1e\+12"):
-        read_motion(tmp_path / "clip.npz", skeleton=CLAP)
 
 
 def test_a_folder_of_parameters_is_retargeted(folder):

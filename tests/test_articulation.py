@@ -128,6 +128,13 @@ def test_only_parts_that_a_spring_acts_on_are_unknowns():
         joint = int(case.body.parents[joint])
         way.add(int(case.body.parts[joint]))
     assert set(curvature_at(case, np.zeros(case.shape))[0]) == way | {len(case.stiffness) - 1}
+    case = Case(0)
+    case.springs.A[:] = 0.0
+    case.springs.A[0, -1] = np.eye(3)
+    joint = int(case.springs.a[-1])
+    case.bones[0, joint] = 0.0
+    part = case.body.parts[case.body.parents[joint]]
+    assert part not in curvature_at(case, np.zeros(case.shape))[0]
 
 
 def test_a_curvature_says_which_bones_move():
@@ -155,16 +162,6 @@ def test_a_curvature_says_which_bones_move():
     springs.A[:] = 0.0
     assert moved() == 0
     assert not is_for(0)
-
-
-def test_a_bone_of_no_length_is_no_unknown():
-    case = Case(0)
-    case.springs.A[:] = 0.0
-    case.springs.A[0, -1] = np.eye(3)
-    joint = int(case.springs.a[-1])
-    case.bones[0, joint] = 0.0
-    part = case.body.parts[case.body.parents[joint]]
-    assert part not in curvature_at(case, np.zeros(case.shape))[0]
 
 
 def test_both_ends_of_a_spring_move_with_what_carries_both():
@@ -231,18 +228,12 @@ def test_parts_count_from_the_root_and_leaves_are_their_parents():
             assert parts[joint] == parts[PERSON.parents[joint]]
     firsts = np.unique(parts, return_index=True)[1]
     assert np.all(np.diff(firsts) > 0)
-
-
-def test_as_many_parts_as_joints_that_turn_and_carry_bones():
     carriers = {name for name, below in zip(PERSON.names, PERSON.children, strict=True) if below}
     parts = dict(zip(PERSON.names, part_of_joint(PERSON, ROOTS), strict=True))
     assert len(set(parts.values())) == len(carriers - set(STILL))
     assert parts["LeftHip"] == parts["RightHip"] == parts["Hips"]
     assert parts["LeftShoulder"] == parts["RightCollar"] == parts["Chest3"]
     assert parts["RightShoulder"] != parts["Chest3"]
-
-
-def test_a_lone_root_is_one_part():
     np.testing.assert_array_equal(part_of_joint(tree_of([[0, 0, 0]]), np.arange(1)), [0])
 
 
@@ -256,9 +247,6 @@ def test_subtree_lengths_are_sums_over_the_bones_at_and_below():
             above = body.parents[above]
     np.testing.assert_allclose(subtree_lengths(body, np.arange(len(body))), expected)
     assert subtree_lengths(body, np.arange(len(body)))[0] == pytest.approx(body.lengths.sum())
-
-
-def test_what_carries_nothing_that_counts_has_no_length():
     body = other_lengths(PERSON)
     arm = [body.index(name) for name in ("Hips", "Chest", "Chest2", "Chest3", "LeftCollar", "LeftShoulder")]
     sums = subtree_lengths(body, np.array(arm[-1:]))

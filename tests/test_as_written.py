@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import HERO, sample, sample_run, sample_target
-from click.testing import CliRunner
+from program import succeeded
 
 from distretarget import read_bvh, read_motion, retarget, write_bvh, write_motion
-from distretarget.cli import cli
 from distretarget.io.motion_writer import as_written
 from distretarget.io.vrma import humanoid_bones
 
@@ -26,9 +25,7 @@ def metrics_of(motion, folder, kind):
     """What a run says of a motion on the hero, and that motion as its file has it."""
     write_bvh(folder / "far.bvh", motion, overwrite=True)
     out, told = folder / f"out.{kind}", folder / "out.json"
-    arguments = [str(path) for path in (folder / "far.bvh", HERO, "-o", out, "--json", told)]
-    done = CliRunner().invoke(cli, [*arguments, "--overwrite"])
-    assert done.exit_code == 0, done.output
+    succeeded(folder / "far.bvh", HERO, "-o", out, "--json", told, "--overwrite")
     return json.loads(told.read_text())["metrics"]["result"]
 
 

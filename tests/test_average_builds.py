@@ -148,6 +148,8 @@ def test_the_target_is_as_thick_as_its_mesh():
     without = replace(target, capsules=None, mesh=lambda: None)
     assert surfaces(without) is None
     assert surfaces(without, Options(skin="average"))[1] != pytest.approx(surfaces(target)[1])
+    assert surfaces(sample_target("hero"), Options(skin="none")) is None
+    assert surfaces(sample_target("hero"), Options(objective="paper")) is None
 
 
 def test_builds_that_are_given_come_first():
@@ -163,20 +165,12 @@ def test_a_source_with_other_lengths_keeps_its_build():
     assert source == pytest.approx(target)
 
 
-def test_no_skin_is_no_thickness():
-    assert surfaces(sample_target("hero"), Options(skin="none")) is None
-    assert surfaces(sample_target("hero"), Options(objective="paper")) is None
-
-
 def test_the_mesh_of_a_source_is_its_build():
     file = load_file(HERO)
     build = with_source(Builds(), file).source
     body = Body.of(sample_target("hero").skeleton)
     assert build.on(body).radii.sum() == pytest.approx(target_capsules(sample_target("hero")).radii.sum())
     assert with_source(Builds(), load_file(CLAP)).source is None
-
-
-def test_a_file_without_thickness_is_no_build():
     with pytest.raises(FileError, match="expected a GLB, VRM or FBX with a mesh"):
         load_build(CLAP)
 

@@ -10,7 +10,6 @@ from bodies import SAMPLES
 from characters import Performance, as_vrm1, character, chunks, packed
 from fuzz_characters import through
 from fuzz_outcomes import REFUSED, RIGHT, outcome_of
-from mutated_gltf import mutated
 from program import run
 from test_characters import BONES, WALK
 
@@ -166,6 +165,7 @@ def test_targets_without_a_body(tmp_path):
         node.pop("skin", None)
         node.pop("name")
     assert "has no skin" in refused(tmp_path, packed(document, buffer), load_target)
+    assert "has no skin" in refused(tmp_path, packed('{"asset": {"version": "2.0"}}'), load_target)
 
 
 def test_a_vrm_without_humanoid(tmp_path):
@@ -214,14 +214,10 @@ FEW_CALLS = 40.0  # of functions, for each byte of a file; what grows with the s
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(24))
 def test_mutated_files_are_written_right_or_refused_in_one_line(seed):
     outcome, known = outcome_of(through, seed)
     assert outcome in (RIGHT, REFUSED), known
-
-
-def test_seeds_make_the_same_files():
-    assert mutated(7) == mutated(7) != mutated(8)
 
 
 def saved(tmp_path, document, buffer=b"", name="hero.glb"):
@@ -235,10 +231,6 @@ def line_of_nodes(count, name, **more):
     return {"asset": {"version": "2.0"}, "nodes": [*nodes, {"name": name}]} | more
 
 
-def test_a_file_without_nodes(tmp_path):
-    assert "has no skin" in refused(tmp_path, packed('{"asset": {"version": "2.0"}}'), load_target)
-
-
 def test_names_that_are_too_long_for_a_line_are_cut(tmp_path):
     document, buffer = made()
     document["animations"] = [{"name": "x\n" * 10**5, "channels": [], "samplers": []}]
@@ -248,9 +240,6 @@ def test_names_that_are_too_long_for_a_line_are_cut(tmp_path):
     line = refused(tmp_path, packed(document, buffer), load_target)
     assert len(line) < 300
     assert line.isprintable()
-
-
-def test_the_name_of_a_joint_is_cut(tmp_path):
     document, buffer = made()
     document["nodes"][3]["name"] = "n" * 10**6
     assert max(map(len, load_target(saved(tmp_path, document, buffer)).skeleton.names)) == 200
@@ -387,16 +376,13 @@ def test_long_lines_of_nodes(tmp_path):
     document["nodes"][-1]["children"] = [9998]
     document["nodes"][9997]["children"] = []
     assert "nodes[9998].children: lead back to the node itself" in refused_soon(tmp_path, document)
-
-
-def test_long_lines_of_joints_of_one_name(tmp_path):
     document = line_of_nodes(3000, "a", skins=[{"joints": list(range(3000))}])
     assert "too many joints have the same names: 'a'" in refused_soon(tmp_path, document)
 
 
 def test_many_skins_of_single_nodes(tmp_path):
-    nodes = [{"children": list(range(1, 8000))}, *({"translation": [0, 1, 0]} for _ in range(7999))]
-    skins = [{"joints": [node]} for node in range(1, 8000)]
+    nodes = [{"children": list(range(1, 4000))}, *({"translation": [0, 1, 0]} for _ in range(3999))]
+    skins = [{"joints": [node]} for node in range(1, 4000)]
     document = {"asset": {"version": "2.0"}, "nodes": nodes, "skins": skins}
     assert "all bones have length 0" in refused_soon(tmp_path, document)
 

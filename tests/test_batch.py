@@ -167,9 +167,6 @@ def test_what_changed_is_done_again(folder):
     assert len(go(folder, map_file=MapFile({"Head": None}, "m.json")).of("done")) == 3
     other = clips_in(folder, replace(TARGET, file=file_of("{}", "body.json")))
     assert len(go(folder, clips=other).of("done")) == 3
-
-
-def test_all_is_done_again_if_asked(folder):
     go(folder)
     assert len(go(folder, overwrite=True).of("done")) == 3
 
@@ -378,7 +375,7 @@ def test_reports_survive_a_worker_that_dies(folder, always):
     assert pages(folder).keys() == made | (set() if always else {"index_reports/deep/b.html"})
 
 
-def test_only_pages_of_a_batch_are_replaced(folder):
+def test_only_pages_of_a_batch_are_replaced_in_folders_that_can_be_written_to(folder):
     page = folder / "index.html"
     batch_of(folder, index=page).check()
     page.write_text("my own")
@@ -387,16 +384,10 @@ def test_only_pages_of_a_batch_are_replaced(folder):
     batch_of(folder, index=page, overwrite=True).check()
     page.write_text(f"<html>{MARK}")
     batch_of(folder, index=page).check()
-
-
-def test_the_page_does_not_replace_the_map(folder):
     path = folder / "map.json"
     path.write_text("{}")
     with pytest.raises(BatchError, match="is an input, or the place of a result"):
         batch_of(folder, map_file=MapFile({}, str(path)), index=path, overwrite=True).check()
-
-
-def test_a_page_needs_a_folder_that_can_be_written_to(folder):
     (folder / "file").write_text("")
     with pytest.raises(FileError, match="nothing can be written to"):
         batch_of(folder, index=folder / "file" / "index.html").check()

@@ -53,12 +53,17 @@ def measured():
     return {"metrics": metrics, "notes": ["a tail"], **texts}
 
 
-def test_a_record_shares_no_list_with_another():
+def test_a_record_has_lists_of_its_own_all_options_and_seven_digits():
     one = record()
     for key in ("notes", "warnings"):
         one[key].append("a word")
     one["others"]["b.bvh"] = "a hash"
     assert not any(record()[key] for key in ("notes", "warnings", "others"))
+    one = done(metrics=dict.fromkeys(COLUMNS, 1 / 3))
+    assert {f"{number:.7g}" for number in unpacked(*packed(one))["metrics"].values()} == {"0.3333333"}
+    options = record(joint_map={"Head": "Skull"})["options"]
+    assert options.keys() == {each.name for each in fields(Options)} | {"map"}
+    assert (options["objective"], options["map"]) == ("contact", {"Head": "Skull"})
 
 
 @pytest.fixture
@@ -88,17 +93,6 @@ def results(folder, database):
 )
 def test_a_record_comes_back_as_it_was(one):
     assert unpacked(*packed(one)) == one
-
-
-def test_metrics_have_seven_digits():
-    one = done(metrics=dict.fromkeys(COLUMNS, 1 / 3))
-    assert {f"{number:.7g}" for number in unpacked(*packed(one))["metrics"].values()} == {"0.3333333"}
-
-
-def test_the_options_of_a_record_are_all_options_and_the_map():
-    options = record(joint_map={"Head": "Skull"})["options"]
-    assert options.keys() == {each.name for each in fields(Options)} | {"map"}
-    assert (options["objective"], options["map"]) == ("contact", {"Head": "Skull"})
 
 
 BROKEN = [{"output": ["x"]}, {"frames": -1}, {"frames": 10**400}, {"seconds": float("nan")}, {"others": {"a": 1}}]
@@ -226,7 +220,7 @@ def test_a_result_that_is_killed_before_it_is_in_place_is_known_as_its_own(resul
 # ---- the file
 
 
-def test_a_file_of_another_program_is_left_alone(folder):
+def test_a_file_of_another_program_is_left_alone(folder, tmp_path):
     (folder / DATABASE).write_text("name: my own")
     with pytest.raises(FileError, match=r"results\.sqlite: is not the database of a batch; choose another folder"):
         Database(folder)
@@ -238,6 +232,9 @@ def test_a_file_of_another_program_is_left_alone(folder):
     with pytest.raises(FileError, match="is not the database of a batch"):
         Database(folder)
     assert (folder / DATABASE).read_bytes() == before
+    (tmp_path / "file").write_text("")
+    with pytest.raises(FileError, match="expected a folder"):
+        Database(tmp_path / "file")
 
 
 @pytest.mark.parametrize("part", [b"", b"\0\xff", zlib.compress(b"1"), "text", None, 1])
@@ -247,12 +244,6 @@ def test_what_no_batch_has_written_is_refused(folder, database, part):
         other.execute("UPDATE clips SET clip = ?", [part])
     with pytest.raises(FileError, match=r"results\.sqlite: is damaged; delete it"):
         database.records("a.bvh")
-
-
-def test_a_folder_that_cannot_be_made_is_reported(tmp_path):
-    (tmp_path / "out").write_text("")
-    with pytest.raises(FileError, match="expected a folder"):
-        Database(tmp_path / "out")
 
 
 def test_a_database_that_is_only_read_makes_nothing(tmp_path):

@@ -31,15 +31,16 @@ def test_the_tree_of_a_folder_is_mirrored(tmp_path):
     found = find_clips([tmp_path])
     assert places(found) == ["a/deep/y.bvh", "a/x.bvh", "b.bvh"]
     assert [path for path, _ in found[0]] == [tmp_path / "a/deep/y.bvh", tmp_path / "a/x.BVH", tmp_path / "b.bvh"]
+    for name in ("alone.bvh", "duet/lead.bvh", "duet/scene.json"):
+        (tmp_path / "all" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "all" / name).touch()
+    assert places(find_clips([tmp_path / "all"])) == ["alone.bvh"]
 
 
 def test_several_sources_keep_their_names(tmp_path):
     made(tmp_path, "walks/a.bvh", "runs/a.bvh", "single.bvh")
     found = find_clips([tmp_path / "walks", tmp_path / "runs", tmp_path / "single.bvh"])
     assert sorted(places(found)) == ["runs/a.bvh", "single.bvh", "walks/a.bvh"]
-
-
-def test_files_given_by_name_are_taken_whatever_they_are_called(tmp_path):
     made(tmp_path, "walk.01", "walk.02", "motion.txt")
     found = find_clips([tmp_path / name for name in ("walk.01", "walk.02", "motion.txt")])
     assert places(found) == ["walk.01.bvh", "walk.02.bvh", "motion.txt.bvh"]
@@ -137,13 +138,6 @@ def test_links_to_nothing_and_missing_files_are_clips_that_will_fail(tmp_path):
     assert places(find_clips([tmp_path / "none.bvh"])) == ["none.bvh"]
 
 
-def test_folders_of_scenes_are_left_out(tmp_path):
-    for name in ("alone.bvh", "duet/lead.bvh", "duet/scene.json"):
-        (tmp_path / name).parent.mkdir(exist_ok=True)
-        (tmp_path / name).touch()
-    assert places(find_clips([tmp_path])) == ["alone.bvh"]
-
-
 # ---- places of results
 
 
@@ -175,9 +169,6 @@ def test_results_that_collide_are_refused(tmp_path):
         plan([one, other], [target(tmp_path)], tmp_path / "out", [])
     with pytest.raises(BatchError, match="both"):
         plan([one], [target(tmp_path), target(tmp_path / "more")], tmp_path / "out", [])
-
-
-def test_results_never_land_on_inputs(tmp_path):
     (tmp_path / "in").mkdir()
     for name in ("in/a.bvh", "hero.bvh"):
         (tmp_path / name).touch()
@@ -195,9 +186,6 @@ def test_no_name_of_a_target_leads_out_of_the_folder_of_results(tmp_path):
     targets = [target(tmp_path, name) for name in ("...json", "..json", "..", "hero.json")]
     clips = plan([clip(tmp_path, "a.bvh")], targets[:2] + targets[3:], tmp_path / "out", [])
     assert {clip.output for clip in clips} == {"...json/a.bvh", "..json/a.bvh", "hero/a.bvh"}
-
-
-def test_the_folder_of_results_is_not_inside_a_source(tmp_path):
     (tmp_path / "in").mkdir()
     for folder in (tmp_path / "in" / "out", tmp_path / "in", tmp_path / "x" / ".." / "in" / "y"):
         with pytest.raises(BatchError, match="is inside"):

@@ -80,17 +80,11 @@ def test_of_many_clips_to_look_at_the_worst_are_listed():
     assert [line.split(":")[0] for line in lines[3:]] == [f"  {angle}.bvh" for angle in range(39, 29, -1)]
 
 
-def test_a_failure_names_its_clip():
-    assert summary([failed("in/x.bvh", "hero.json: does not match")])[-1] == "  in/x.bvh: hero.json: does not match"
-
-
-def test_many_failures_are_not_all_listed():
+def test_failures_are_named_and_counted_as_clips_that_are_left():
     lines = summary([failed(f"{number}.bvh", "no") for number in range(50)])
     assert lines[-1] == "  and 30 more; metrics.csv has them all"
     assert len(lines) == 23
-
-
-def test_clips_left_over_are_counted():
+    assert summary([failed("in/x.bvh", "hero.json: does not match")])[-1] == "  in/x.bvh: hero.json: does not match"
     assert summary([done("a.bvh", 0.1)], 5)[0] == "5 clips: 1 converted, 0 done before, 0 failed, 4 left"
     assert summary([done("a.bvh", 0.1)])[0] == "1 clip: 1 converted, 0 done before, 0 failed"
 

@@ -64,8 +64,6 @@ def test_a_worker_says_what_went_wrong(monkeypatch):
     monkeypatch.setattr(conversion, "parse_motion", fail)
     assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
 
-
-def test_a_clip_too_large_for_the_memory_fails_alone(monkeypatch):
     def fill(*_):
         raise MemoryError
 
@@ -193,14 +191,11 @@ def answer(kind):
     return kind_of
 
 
-def test_the_address_of_a_worker(cluster, monkeypatch):
-    monkeypatch.setattr(cluster_module, "_kind", answer("Worker"))
-    is_refused(cluster, f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
-
-
 def test_a_cluster_without_workers(cluster, monkeypatch):
     monkeypatch.setattr("distributed.Client", Idle)
     is_refused(cluster, f"the Dask scheduler at {ADDRESS} has no workers")
+    monkeypatch.setattr(cluster_module, "_kind", answer("Worker"))
+    is_refused(cluster, f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
 
 
 def test_workers_that_are_gone_are_reported_now_and_then(cluster, monkeypatch):

@@ -29,7 +29,7 @@ from zoo import CONVENTIONS, rig
 
 import distretarget
 from distretarget import Motion, read_bvh, retarget
-from distretarget.body.axes import Directions, axis_vector
+from distretarget.body.axes import axis_vector
 from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
 from distretarget.pipeline.performer import target_capsules
@@ -104,11 +104,16 @@ def folded(motion):
 
 
 @ways
-def test_left_is_left_whichever_way_a_body_stands(way):
+def test_people_stand_in_their_rest_poses_and_left_is_left_whichever_way(way):
     for body in PEOPLE:
         standing = turned(body, way)
         assert Body.of(standing).left_is_left is True
         assert Body.of(crossed(standing)).left_is_left is False
+    for body in PEOPLE:
+        assert Body.of(turned(body, way)).stands_at_rest
+    for body in PEOPLE:
+        standing = turned(body, way)
+        assert not Body.of(standing).on_all_fours
 
 
 @pytest.mark.parametrize("body", PEOPLE, ids=lambda body: body.names[1])
@@ -137,12 +142,6 @@ def test_feet_without_toes_do_not_show_left_from_right():
     assert Body.of(bare).left_is_left is None
 
 
-@ways
-def test_people_stand_in_their_rest_poses(way):
-    for body in PEOPLE:
-        assert Body.of(turned(body, way)).stands_at_rest
-
-
 @pytest.mark.parametrize(
     ("angle", "pose"), [(-85, False), (-75, False), (-45, True), (0, True), (45, True), (90, True)]
 )
@@ -157,6 +156,8 @@ def test_bones_along_one_axis_and_legs_across_the_trunk_are_no_pose():
     assert not Body.of(body).stands_at_rest
     on_a_floor = folded(bent(LeftHip=-90, RightHip=-90)).skeleton
     assert not Body.of(on_a_floor).stands_at_rest
+    body = rig("lafan1", "X")
+    assert not Body.of(body).on_all_fours
 
 
 @pytest.mark.parametrize("own_names", [True, False])
@@ -173,13 +174,6 @@ def test_a_dog_with_the_names_of_people_is_taken_for_one_but_for_its_legs():
     assert not Body.of(animal).stands_at_rest
 
 
-@ways
-def test_rest_poses_of_people_are_not_on_all_fours(way):
-    for body in PEOPLE:
-        standing = turned(body, way)
-        assert not Body.of(standing).on_all_fours
-
-
 @pytest.mark.parametrize(
     "motion", [CRAWLING, ON_HANDS_AND_FEET, SITTING], ids=["crawling", "on hands and feet", "sitting"]
 )
@@ -194,11 +188,6 @@ def test_people_who_stand_up_are_not_on_all_fours_whatever_their_rest_pose():
     assert Body.of(body, crawl).on_all_fours
     upright = np.concatenate([crawl.positions, posed(person(), {}, np.zeros((2, 3))).positions])
     assert not Body.of(body, with_joints_at(body, upright)).on_all_fours
-
-
-def test_a_rest_pose_along_one_axis_does_not_put_a_body_on_all_fours():
-    body = rig("lafan1", "X")
-    assert not Body.of(body).on_all_fours
 
 
 @needs_corpus
@@ -241,6 +230,7 @@ def test_without_anatomy_or_motion_no_up_is_found():
     assert Body.of(bare, posed(bare, {}, np.zeros((0, 3)))).up_in_motion is None
     assert Body(body, None).up_at_rest is None
     assert Body(body, None).up == "Y"
+    assert Body.of(person(), posed(person(), {}, np.zeros((0, 3)))).motion is None
 
 
 @needs_corpus
@@ -284,22 +274,16 @@ def test_a_body_given_its_up_is_the_same_body():
 # ---- size
 
 
-def test_size_of_the_papers_skeleton():
+def test_known_sizes_of_bodies():
     body = Body.of(person())
     leg = 0.435 + 0.453
     assert (body.leg_length, body.unit) == (pytest.approx(leg), pytest.approx(2 * leg))
     assert body.height == pytest.approx(np.ptp(person().rest_positions[:, 1]))
     assert body.pelvis_joint == person().index("Hips")
-
-
-def test_short_legs_do_not_make_a_body_small():
     body = Body.of(lengthened(person(), {"Knee": 0.3, "Ankle": 0.3}))
     assert 2 * body.leg_length < 0.9 * body.height
     assert body.unit == body.height
     assert body.leg == body.leg_length
-
-
-def test_bodies_without_legs_have_a_size():
     body = Body.of(bent_chain())
     assert (body.legs, body.leg_length, body.pelvis_joint) == (None, 0.0, None)
     assert (body.height, body.unit, body.leg) == (2.0, 3.0, 1.5)
@@ -323,45 +307,7 @@ def test_a_mirrored_body_has_its_parts_on_the_other_side():
     assert nothing.mirrored.anatomy is None
 
 
-def test_a_motion_without_frames_counts_as_none():
-    assert Body.of(person(), posed(person(), {}, np.zeros((0, 3)))).motion is None
-
-
 # ---- values that are computed once
-
-
-def counted(monkeypatch, owner, name):
-    """Record the arguments of each call of a function, which still runs."""
-    calls, function = [], getattr(owner, name)
-
-    def calling(*args):
-        calls.append(args)
-        return function(*args)
-
-    monkeypatch.setattr(owner, name, calling)
-    return calls
-
-
-def test_directions_of_a_posture_are_found_once(monkeypatch):
-    calls = []
-    monkeypatch.setattr(
-        Directions.trunk, "func", lambda way, find=Directions.trunk.func: calls.append(way) or find(way)
-    )
-    body = Body.of_motion(sample("walk").scaled(1.01))  # a rig of which nothing is known yet
-    for _ in range(2):
-        assert (body.up, body.stands_at_rest, body.left_is_left, body.on_all_fours) == ("Y", True, True, False)
-    assert len(calls) == len({id(way) for way in calls}) == 2  # the rest pose's and the motion's
-
-
-def test_legs_are_found_once_for_each_body_of_a_retargeting(monkeypatch):
-    found = counted(monkeypatch, distretarget.body.body, "find_legs")
-    by_tree = counted(monkeypatch, distretarget.body.limbs, "tree_legs")
-    source, target = sample("walk").scaled(1.02), rig("mixamo", "T")
-    target = target.with_offsets(1.02 * target.offsets)
-    for _ in range(2):
-        retarget(source, target)
-    assert [skeleton for skeleton, _ in found] == [source.rigid_skeleton, target]
-    assert not by_tree
 
 
 def test_joints_above_the_hips_are_no_part_of_the_body():

@@ -51,12 +51,12 @@ def test_writing():
     assert lines[-3] == "0.0000000 10.0000000 0.0000000" + 9 * " 0.000000"
     assert format_bvh(motion).endswith("\n")
     assert "\r" not in format_bvh(motion)
-
-
-def test_the_hierarchy_is_written_as_it_is_usually_laid_out():
     zero = HIERARCHY.replace("OFFSET 1.0 2.0 3.0", "OFFSET 0.0 0.0 0.0")
     written = format_bvh(read(TEXT)).split("MOTION")[0]
     assert re.sub(r"(\.\d+?)0+\b", r"\1", written) == zero
+    motion = read(edit(("5.25", "5.0123456789012345"), (" 0.1\n", " 1e-12\n")))
+    again = read(format_bvh(motion))
+    np.testing.assert_array_equal(again.skeleton.offsets[1:], motion.skeleton.offsets[1:])
 
 
 def test_a_root_offset_stays_where_no_channel_replaces_it():
@@ -77,12 +77,6 @@ def test_the_frame_time_is_kept_digit_for_digit(text):
     motion = read(edit(("0.0333333", text)))
     assert motion.frame_time_text == text
     assert f"\nFrame Time: {text}\n" in format_bvh(motion)
-
-
-def test_offsets_keep_all_their_digits():
-    motion = read(edit(("5.25", "5.0123456789012345"), (" 0.1\n", " 1e-12\n")))
-    again = read(format_bvh(motion))
-    np.testing.assert_array_equal(again.skeleton.offsets[1:], motion.skeleton.offsets[1:])
 
 
 @pytest.mark.parametrize("scale", [1e-4, 1e-2, 1.0, 100.0])
@@ -144,7 +138,7 @@ def motions(draw):
     return Motion.of_translations(skeleton, translations, rotations, draw(st.sampled_from(["0.01", ".04", "1e-2"])))
 
 
-@settings(max_examples=150)
+@settings(max_examples=80)
 @given(motions())
 def test_what_is_written_reads_back_the_same(motion):
     again = read(format_bvh(motion))

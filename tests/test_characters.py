@@ -1,6 +1,5 @@
 """Characters of any kind: from files to skeleton and motion and back, and the sample character."""
 
-import json
 from itertools import pairwise
 
 import gltf_player
@@ -11,16 +10,10 @@ import sample_character
 from bodies import HERO, sample, sample_run, sample_target, swaying
 from characters import (
     ARMATURE,
-    LOOKING_BACK,
     Bones,
     Performance,
-    as_vrm0,
-    as_vrm1,
-    as_vrma,
     box_mesh,
     character,
-    chunks,
-    with_unknown_parts,
 )
 from scipy.spatial.transform import Rotation
 
@@ -44,84 +37,6 @@ KINDS = {
     "helpers": {"axes": ROLLED, "helpers": [0, 4, 12], "above": ARMATURE},
     "skins": {"meshes": [box_mesh(BONES, range(11)), box_mesh(BONES, range(11, 22))], "all_joints": False},
 }
-
-
-def found(made, animation=None, times=(0.0,)):
-    """Positions of joints, (times, joints, 3), and points of meshes as a player has them."""
-    document, buffer = chunks(made.glb())
-    placed = gltf_player.worlds(document, buffer, animation, times)
-    return placed[:, made.joints][..., :3, 3], np.concatenate(gltf_player.skinned(document, buffer, placed), axis=1)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_joints_and_mesh_are_in_the_bind_pose(kind):
-    joints, points = found(character(BONES, **KINDS[kind]))
-    meshes = KINDS[kind].get("meshes", [box_mesh(BONES)])
-    assert joints[0] == pytest.approx(BONES.positions, abs=1e-6)
-    assert points[0] == pytest.approx(np.concatenate([mesh.points for mesh in meshes]), abs=1e-5)
-
-
-def test_shown_pose_leaves_the_skin_bound_as_it_was():
-    made, plain = character(BONES, axes=ROLLED), character(BONES, axes=ROLLED)
-    made.show(WALK, 3)
-    assert made.binary == plain.binary
-    assert found(made)[0][0] == pytest.approx(WALK.positions[3], abs=1e-6)
-
-
-def test_files_with_a_buffer_beside_them(tmp_path):
-    made = character(BONES)
-    made.animate("walk", WALK)
-    document, buffer = gltf_player.load(made.write(tmp_path / "a walk.gltf"))
-    placed = gltf_player.worlds(document, buffer, 0, WALK.times)
-    assert placed[:, made.joints][..., :3, 3] == pytest.approx(WALK.positions, abs=2e-6)
-    assert (tmp_path / "a walk.bin").is_file()
-
-
-def test_rigid_meshes_go_with_their_joint():
-    made = character(BONES, axes=ROLLED, above=ARMATURE)
-    made.animate("walk", WALK)
-    head = BONES.names.index("Head")
-    hat = made.rigid("hat", head, (0, 0.2, 0))
-    document, buffer = chunks(made.glb())
-    placed = gltf_player.worlds(document, buffer, 0, WALK.times)
-    turns = Rotation.from_quat(WALK.turns[:, head])
-    assert placed[:, hat, :3, 3] == pytest.approx(WALK.positions[:, head] + turns.apply([0, 0.2, 0]), abs=1e-5)
-
-
-def test_any_names():
-    names = ["", "same", "same", "Left Upper Arm", "a:b/c", "日本", *BONES.names[6:]]
-    document, _ = chunks(character(BONES.renamed(names)).glb())
-    assert [node.get("name", "") for node in document["nodes"]] == [*names, "Body"]
-
-
-def test_vrm_of_both_versions_and_vrm_animation():
-    back = BONES.turned(LOOKING_BACK)
-    old = as_vrm0(character(back))
-    old.animate("walk", WALK.turned(LOOKING_BACK))
-    assert found(old, 0, WALK.times)[0] == pytest.approx(
-        LOOKING_BACK.apply(WALK.positions.reshape(-1, 3)).reshape(WALK.positions.shape), abs=2e-6
-    )
-    listed = {bone["bone"]: bone["node"] for bone in old.document["extensions"]["VRM"]["humanoid"]["humanBones"]}
-    assert listed["leftUpperArm"] == BONES.names.index("LeftShoulder")
-    new = as_vrm1(with_unknown_parts(character(BONES)), springs=["Neck", "Head"])
-    assert new.document["extensions"]["VRMC_vrm"]["humanoid"]["humanBones"]["hips"] == {"node": 0}
-    moving = as_vrma(character(BONES, meshes=None))
-    moving.animate("", WALK)
-    assert "meshes" not in moving.document
-    assert "VRMC_vrm_animation" in json.loads(json.dumps(moving.document))["extensionsUsed"]
-
-
-@pytest.mark.parametrize("rig", ["mixamo_t", "unreal_a", "xsens_a", "lafan1_a"])
-def test_skeletons_of_any_axes_and_units_stand_upright_in_metres(rig):
-
-    skeleton = sample_target(f"rigs/{rig}").skeleton
-    bones = Bones.of(skeleton)
-    heights = np.ptp(bones.positions, axis=0)
-    assert 1.3 < heights[1] < 2.0
-    walk = Performance.of(swaying(skeleton, 4))
-    made = character(bones, axes=bones.along_bones(0.5), above=ARMATURE)
-    made.animate("sway", walk, all_translations=True)
-    assert found(made, 0, walk.times)[0] == pytest.approx(walk.positions, abs=1e-5)
 
 
 HEIGHT = 1.774  # [m]
@@ -154,11 +69,7 @@ def test_the_script_makes_this_character(tmp_path, hero):
             np.testing.assert_allclose(values, other, rtol=0, atol=tolerance)
 
 
-def test_it_is_small():
-    assert HERO.stat().st_size < 150_000
-
-
-def test_the_surface_is_closed_and_looks_outwards(hero):
+def test_its_surface_is_closed_its_weights_add_up_and_it_rests_on_the_floor(hero):
     for points, normals, _, _, triangles in primitives(*hero):
         edges = np.concatenate([triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
         assert set(map(tuple, edges.tolist())) == set(map(tuple, edges[:, ::-1].tolist()))
@@ -166,9 +77,6 @@ def test_the_surface_is_closed_and_looks_outwards(hero):
         across = np.cross(b - a, c - a)
         assert np.einsum("ti,ti->", a, across) > 0
         assert np.mean(np.einsum("ti,ti->t", across, normals[triangles].sum(axis=1)) > 0) > 0.99
-
-
-def test_weights_add_up_and_belong_to_the_side(hero):
     document, buffer = hero
     names = np.array([document["nodes"][node]["name"] for node in document["skins"][0]["joints"]])
     for points, _, joints, weights, _ in primitives(document, buffer):
@@ -176,9 +84,6 @@ def test_weights_add_up_and_belong_to_the_side(hero):
         for side, sign in (("Left", 1), ("Right", -1)):
             other = np.char.startswith(names, side)[joints.astype(int)] & (weights > 0)
             assert not other[sign * points[:, 0] < -0.03].any()
-
-
-def test_it_rests_in_its_bind_pose_on_the_floor(hero):
     points = np.concatenate([points for points, *_ in primitives(*hero)])
     moved = gltf_player.skinned(*hero, gltf_player.worlds(*hero, None, np.zeros(1)))
     np.testing.assert_allclose(np.concatenate(moved, axis=1)[0], points, atol=1e-5)
@@ -252,7 +157,7 @@ def turns_of(matrices):
     return matrices[..., :3, :3] / np.cbrt(np.linalg.det(matrices[..., :3, :3]))[..., None, None]
 
 
-@pytest.mark.parametrize("seed", range(24))
+@pytest.mark.parametrize("seed", range(16))
 def test_any_character(seed, tmp_path):
     draw = np.random.default_rng(seed)
     made = any_character(draw)

@@ -9,7 +9,7 @@ import threading
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, other_lengths, person, swaying
+from bodies import other_lengths, person, swaying
 from program import refused, run, run_process, succeeded
 
 from distretarget import read_bvh, write_bvh
@@ -38,21 +38,20 @@ def test_a_clip_is_retargeted_and_its_metrics_are_written(folder):
     metrics = json.loads((folder / "out.json").read_text())
     assert {len(values) for values in metrics["frames"].values()} == {20}
     worst = np.argmax(metrics["frames"]["stress"])
-    told = run_process("in.bvh", "body.json", "-o", "again.bvh", "-v")
+    told = run("in.bvh", "body.json", "-o", "again.bvh", "-v")
     assert f"most stress in frame {worst} " in told.stdout + told.stderr
 
 
-def test_the_command_may_be_named(folder):
+def test_the_command_may_be_named_options_may_come_first_and_overwrite_replaces_an_output(folder):
     runs = [
         run(*named, "in.bvh", "body.json", "-o", f"{number}.bvh") for number, named in enumerate([(), ("retarget",)])
     ]
     assert [done.returncode for done in runs] == [0, 0]
     assert (folder / "0.bvh").read_bytes() == (folder / "1.bvh").read_bytes()
-
-
-@pytest.mark.usefixtures("folder")
-def test_options_may_come_first():
     succeeded("-o", "out.bvh", "in.bvh", "body.json")
+    (folder / "out.bvh").write_text("old")
+    succeeded("in.bvh", "body.json", "-o", "out.bvh", "--overwrite")
+    assert len(read_bvh(folder / "out.bvh")) == 20
 
 
 def test_root_scale_is_passed_on(folder):
@@ -138,7 +137,7 @@ def test_bad_input_gives_one_line(folder, case):
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("case", ["missing source", "no output"])
+@pytest.mark.parametrize("case", ["no output"])
 def test_a_process_ends_with_the_same_status_and_line(case):
     arguments, *_ = BAD[case]
     alone, here = run_process(*arguments), run(*arguments)
@@ -149,12 +148,6 @@ def test_a_process_ends_with_the_same_status_and_line(case):
 def test_an_input_under_another_name_is_not_overwritten(folder):
     os.link(folder / "in.bvh", folder / "alias.bvh")
     assert "is an input as well" in refused("in.bvh", "body.json", "-o", "alias.bvh", "--overwrite")
-
-
-def test_overwrite_replaces_an_output(folder):
-    (folder / "out.bvh").write_text("old")
-    succeeded("in.bvh", "body.json", "-o", "out.bvh", "--overwrite")
-    assert len(read_bvh(folder / "out.bvh")) == 20
 
 
 def test_joints_that_follow_their_parents_are_reported(folder):
@@ -232,18 +225,6 @@ def test_an_exported_skeleton_is_the_same_target(folder):
     for target in ("in.bvh", "own.json"):
         run("in.bvh", target, "-o", f"to_{target}.bvh")
     assert (folder / "to_in.bvh.bvh").read_bytes() == (folder / "to_own.json.bvh").read_bytes()
-
-
-def test_every_sample_is_retargeted_to_every_sample_target(tmp_path):
-    clips = sorted(SAMPLES.glob("*.bvh"))
-    targets = sorted(SAMPLES.glob("*.json"))
-    assert len(clips) >= 6
-    assert len(targets) >= 4
-    for number, clip in enumerate(clips):
-        target = targets[number % len(targets)]
-        done = succeeded(clip, target, "-o", tmp_path / clip.name)
-        assert all(line.startswith("warning: ") for line in done.stderr.splitlines())
-        assert len(read_bvh(tmp_path / clip.name)) == len(read_bvh(clip))
 
 
 def test_help_and_version():

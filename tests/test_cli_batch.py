@@ -17,10 +17,9 @@ from program import command, last_records, refused, run, run_process, start_proc
 from distretarget import Options, read_bvh, retarget, write_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 
-CLIPS = 16  # of the length LONG
-LONG = 600  # frames, which take a moment to convert
-LONGER = 6000  # frames, which take longer to convert than all other clips
-TINY = 150  # clips of one frame
+CLIPS = 8  # of the length LONG
+LONG = 500  # frames, which take a moment to convert
+LONGER = 4000  # frames, which take longer to convert than all other clips
 HANGS = 1800  # after this time a process counts as hanging [s]
 
 
@@ -143,7 +142,7 @@ def test_a_list_without_end_is_refused():
 def test_streams_of_few_characters_take_any_name(folder):
     (folder / "in/a.bvh").rename(folder / "in/\u52d5.bvh")
     narrow = {**os.environ, "PYTHONIOENCODING": "cp1252"}
-    for arguments in (("batch", "in", "body.json", "-o", "out"), ("skeleton", "show", "body.json")):
+    for arguments in (("batch", "in/\u52d5.bvh", "body.json", "-o", "out"), ("skeleton", "show", "body.json")):
         done = run_process(*arguments, env=narrow, encoding="cp1252")
         assert (done.returncode, done.stderr) == (0, "")
 
@@ -380,15 +379,11 @@ def test_dask_gives_the_same_results_and_survives_a_dying_worker(work, tmp_path)
     distributed = pytest.importorskip("distributed", reason="needs distributed")
     with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster:
         options = ("--exclude", "longer.bvh", "--dask", cluster.scheduler_address)
-        plain = started(work, tmp_path / "plain", *options)
-        assert plain.communicate(timeout=HANGS)[1] == ""
-        assert plain.returncode == 0
-        assert tree(tmp_path / "plain") == short(work / "out")
-        killed = started(work, tmp_path / "killed", *options, finished=1)
+        killed = started(work, tmp_path, *options, finished=1)
         os.kill(cluster.workers[0].process.process.pid, signal.SIGKILL)
         killed.communicate(timeout=HANGS)
         assert killed.returncode == 0
-        assert tree(tmp_path / "killed") == short(work / "out")
+        assert tree(tmp_path) == short(work / "out")
 
 
 @pytest.mark.usefixtures("folder")
@@ -415,18 +410,6 @@ def test_workers_run_the_same_program(folder):
 
 
 # ---- real folders
-
-
-def test_many_tiny_clips_are_all_converted(folder):
-    shutil.rmtree(folder / "in")
-    (folder / "in").mkdir()
-    text = format_bvh(swaying(person(), frames=1))
-    for number in range(TINY):
-        (folder / "in" / f"{number}.bvh").write_text(text)
-    done = batch("in", "body.json", "-o", "out")
-    assert done.returncode == 0
-    assert done.stdout.startswith(f"{TINY} clips: {TINY} converted")
-    assert len(set(tree(folder / "out").values())) == 1
 
 
 @needs_corpus

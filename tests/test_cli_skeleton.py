@@ -15,6 +15,8 @@ from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.io.target_file import load_target
 from distretarget.scene.scene_file import load_scene
 
+pytestmark = pytest.mark.usefixtures("folder")
+
 RIGS = SAMPLES / "rigs"
 
 
@@ -47,7 +49,6 @@ def folder(tmp_path, monkeypatch):
         ("blocks.json", "no human body recognised"),
     ],
 )
-@pytest.mark.usefixtures("folder")
 def test_show_says_what_is_recognised(file, says):
     assert run("skeleton", "show", file).stdout.splitlines()[0].endswith(f"; {says}")
 
@@ -59,7 +60,6 @@ def test_show_says_how_thick_a_body_is():
     assert "thickness of an average adult" in run("skeleton", "show", SAMPLES / "walk.bvh").stdout
 
 
-@pytest.mark.usefixtures("folder")
 def test_what_is_exported_from_a_skeleton_file_is_that_file():
     for file in ("body.json", RIGS / "unreal_a.json"):
         assert load_target(file).name
@@ -70,7 +70,6 @@ def test_what_is_exported_from_a_skeleton_file_is_that_file():
 # match
 
 
-@pytest.mark.usefixtures("folder")
 def test_match_prints_a_table_in_the_order_of_the_tree():
     done = run("skeleton", "match", "in.bvh", RIGS / "xsens_t.json")
     assert (done.returncode, done.stderr) == (0, "")
@@ -92,7 +91,6 @@ def test_match_prints_a_table_in_the_order_of_the_tree():
     assert lines[-2:] == ["joints of the target without a counterpart: none", "joints of the source not used: none"]
 
 
-@pytest.mark.usefixtures("folder")
 def test_match_says_how_a_joint_was_found_and_what_is_left():
     Path("map.json").write_text('{"j5": "LeftWrist", "j0": null}')
     lines = run("skeleton", "match", "body.json", "numbers.json", "--map", "map.json").stdout.splitlines()
@@ -106,7 +104,6 @@ def test_match_says_how_a_joint_was_found_and_what_is_left():
     assert lines[-1].startswith("joints of the source not used: Hips")
 
 
-@pytest.mark.usefixtures("folder")
 def test_match_takes_the_short_form():
     done = succeeded("skeleton", "match", "in.bvh", SAMPLES / "long_arms.json")
     assert "matched: 22 of the target's 22 joints (22 by equal name)" in done.stdout
@@ -179,7 +176,6 @@ def test_a_rest_pose_is_given_once_and_kept_in_the_map(folder):
         assert line.startswith(f"distretarget: {reason}")
 
 
-@pytest.mark.usefixtures("folder")
 def test_match_refuses_to_write_over_its_inputs():
     for output in ("in.bvh", "body.json", "numbers.json"):
         arguments = "in.bvh", "body.json", "--map", "numbers.json", "-o", output, "--overwrite"
@@ -189,7 +185,6 @@ def test_match_refuses_to_write_over_its_inputs():
 # edit
 
 
-@pytest.mark.usefixtures("folder")
 def test_edit_changes_lengths_and_keeps_the_rest():
     options = ["--scale", "2", "--length", "LeftKnee=0.5", "--factor", "*Wrist=1.5"]
     done = run("skeleton", "edit", "body.json", *options, "-o", "new.json")
@@ -205,7 +200,6 @@ def test_edit_changes_lengths_and_keeps_the_rest():
     assert done.stdout.count("\n") == 1
 
 
-@pytest.mark.usefixtures("folder")
 def test_edit_takes_bvh_and_keeps_units_and_axis():
     assert run("skeleton", "edit", "in.bvh", "--scale", "1", "-o", "same.json").stdout.startswith("0 bones changed; ")
     assert load_target("same.json").name == "in"
@@ -216,7 +210,6 @@ def test_edit_takes_bvh_and_keeps_units_and_axis():
     assert (child.units, child.up) == ("cm", "Y")
 
 
-@pytest.mark.usefixtures("folder")
 def test_patterns_pass_over_bones_without_length():
     body = person()
     offsets = body.offsets.copy()
@@ -247,7 +240,6 @@ def test_patterns_pass_over_bones_without_length():
         (["--scale", "2", "-o", "body.json"], "body.json: exists already"),
     ],
 )
-@pytest.mark.usefixtures("folder")
 def test_edits_that_fail(options, says):
     assert says in refused("skeleton", "edit", "in.bvh", "-o", "new.json", *options)
 
@@ -264,12 +256,10 @@ def test_edits_that_fail(options, says):
         (["--factor", "LeftKnee=long"], "expected a number above 0, from 1e-12 to 1e+12, found 'long'"),
     ],
 )
-@pytest.mark.usefixtures("folder")
 def test_edits_without_a_meaning_are_wrong_usage(options, says):
     assert says in refused("skeleton", "edit", "in.bvh", "-o", "new.json", *options, status=2)
 
 
-@pytest.mark.usefixtures("folder")
 def test_the_short_form_is_no_skeleton_to_edit():
     line = refused("skeleton", "edit", SAMPLES / "long_arms.json", "--scale", "2", "-o", "new.json")
     assert "short form needs a source" in line

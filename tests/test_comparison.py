@@ -1,8 +1,24 @@
 """Metrics and directions of bones, on clips whose metrics are known by construction."""
 
+from functools import cache, partial
+
 import numpy as np
 import pytest
-from bodies import LEG, PERSON, UP, clapping, lengthened, matched, moved, other_lengths, posed, sample, swaying, tree_of
+from bodies import (
+    APART,
+    PERSON,
+    UP,
+    clapping,
+    lengthened,
+    matched,
+    moved,
+    other_lengths,
+    posed,
+    sample,
+    standing,
+    swaying,
+    tree_of,
+)
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Options, Skeleton, retarget
@@ -21,12 +37,6 @@ def squared(last, frames=4):
     """Four bones of a square; the last has the given length, and e coincides with a if that is 1."""
     quarter = np.array([0.0, 0.0, np.pi / 2])
     return posed(chain([1, 1, 1, last]), dict.fromkeys("bcd", quarter), np.zeros((frames, 3)))
-
-
-def standing(frames=30, path=0.0, height=LEG + 0.1, turns=None):
-    """A person with the feet apart: no pair of joints is near."""
-    spread = {"LeftHip": np.array([0, 0, 0.5]), "RightHip": np.array([0, 0, -0.5])}
-    return posed(PERSON, spread | (turns or {}), np.zeros((frames, 3)) + path + height * UP)
 
 
 def compared(source, result, up=UP):
@@ -50,8 +60,8 @@ def test_direction_error_is_the_angle_between_bones():
 
 
 def test_direction_error_of_one_joint_is_that_of_the_bones_below_it():
-    source = standing()
-    result = standing(turns={"LeftElbow": np.radians([0, 0, 40.0])})
+    source = standing(APART)
+    result = standing(APART | {"LeftElbow": np.radians([0, 0, 40.0])})
     metrics = compared(source, result)
     assert metrics.tracks["direction_error"].values.shape == (30, len(PERSON) - 1)
     errors = dict(zip(PERSON.names[1:], metrics.tracks["direction_error"].values[3], strict=True))
@@ -72,7 +82,7 @@ def test_jerk_is_the_third_difference_over_the_size_of_the_body():
 
 def test_turn_is_how_much_more_a_joint_turns_than_in_the_source():
     frames = np.arange(10)
-    slow, fast = (standing(10, turns={"LeftElbow": np.outer(np.radians(a) * frames, UP)}) for a in (2, 5))
+    slow, fast = (standing(APART | {"LeftElbow": np.outer(np.radians(a) * frames, UP)}, 10) for a in (2, 5))
     metrics = compared(slow, fast)
     turned = [PERSON.index(name) for name in ("LeftElbow", "LeftWrist", "LeftWrist_End")]
     assert metrics.tracks["turn"].values.shape == (9, len(PERSON))
@@ -94,6 +104,7 @@ def test_a_motion_is_as_good_as_itself(name):
     assert values["jerk"] > 0
 
 
+@cache
 def pair():
     source = clapping(np.sin(np.linspace(0, np.pi, 40)) ** 2)
     return source, retarget(source, lengthened(PERSON, {"Wrist": 1.5, "Knee": 0.8}), Options(supports="free"))
@@ -106,27 +117,25 @@ def assert_same(values, expected):
         assert values[key] == pytest.approx(expected[key], rel=1e-6, abs=1e-6), key
 
 
-def test_metrics_do_not_depend_on_units():
+SIDEWAYS = Rotation.from_euler("x", 90, degrees=True)
+MOVED = {  # of source and result, and what is up then
+    "units": (
+        partial(moved, turn=Rotation.identity(), scale=39.37),
+        partial(moved, turn=Rotation.identity(), scale=0.01),
+        UP,
+    ),
+    "place and heading": (*[partial(moved, turn=Rotation.from_euler("y", 70, degrees=True), shift=(3, 0, -5))] * 2, UP),
+    "axis that is up": (*[partial(moved, turn=SIDEWAYS)] * 2, SIDEWAYS.apply(UP)),
+}
+
+
+@pytest.mark.parametrize("what", MOVED)
+def test_metrics_do_not_depend_on(what):
     source, result = pair()
     expected = of_clip(compared(source, result.motion))
     assert min(expected[name] for name in ("contact_error", "direction_error")) > 0
-    still = Rotation.identity()
-    inches, metres = moved(source, still, scale=39.37), moved(result.motion, still, scale=0.01)
-    assert_same(of_clip(compared(inches, metres)), expected)
-
-
-def test_metrics_do_not_depend_on_where_both_face():
-    source, result = pair()
-    turn = Rotation.from_euler("y", 70, degrees=True)
-    moves = (moved(motion, turn, (3, 0, -5)) for motion in (source, result.motion))
-    assert_same(of_clip(compared(*moves)), of_clip(compared(source, result.motion)))
-
-
-def test_metrics_do_not_depend_on_which_axis_is_up():
-    source, result = pair()
-    turn = Rotation.from_euler("x", 90, degrees=True)
-    turned = (moved(motion, turn) for motion in (source, result.motion))
-    assert_same(of_clip(compared(*turned, turn.apply(UP))), of_clip(compared(source, result.motion)))
+    move_source, move_result, up = MOVED[what]
+    assert_same(of_clip(compared(move_source(source), move_result(result.motion), up)), expected)
 
 
 def test_joints_that_are_no_part_of_the_body_count_for_nothing():

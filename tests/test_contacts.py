@@ -47,9 +47,6 @@ def test_the_error_of_a_contact_is_that_of_the_nearest_joints():
     np.testing.assert_allclose(contacts.track.values, 0.4 / 4.4)
     assert (touch.distance_source, touch.distance_result) == pytest.approx((0, 0.4 / 4.4))
     assert (touch.u, touch.v) == (2, 5)
-
-
-def test_joints_near_along_the_tree_are_no_contact():
     assert names_of(contacts_of(hook(0.0, links=2), hook(0.0, links=2))) == []
 
 
@@ -184,6 +181,8 @@ def test_left_and_right_are_opposite_and_the_front_is_between():
     )
     assert left * right < 0
     assert abs(front) < 0.05
+    hand = np.array([SEGMENTS.index("left hand")])
+    assert np.isnan(find_part_frames(Body.of(PERSON)).coordinates(hand, np.zeros((1, 3)))).all()
 
 
 def test_another_size_and_other_axes_change_nothing():
@@ -202,8 +201,3 @@ def test_differences_are_in_half_widths_and_go_the_short_way_round():
     known = np.hypot(0.1 / 0.25, 2.0 * np.pi - 6.0)
     np.testing.assert_allclose(difference(source, result), [known])
     assert difference(source, source) == 0
-
-
-def test_arms_have_no_places():
-    hand = np.array([SEGMENTS.index("left hand")])
-    assert np.isnan(find_part_frames(Body.of(PERSON)).coordinates(hand, np.zeros((1, 3)))).all()

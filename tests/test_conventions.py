@@ -173,7 +173,7 @@ def is_faulty(clip):
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_joints_with_unknown_names_do_no_harm(count):
-    chosen = [*combinations(NAMES, count)][::count]
+    chosen = [*combinations(NAMES, count)][:: 1 if count == 1 else 5]
     assert not [names for names in chosen if is_faulty(renamed({name: f"Foo{k}" for k, name in enumerate(names)}))]
 
 

@@ -145,21 +145,15 @@ def test_a_pop_is_far_and_sudden_though_the_joint_moves(path, frames):
     assert pops_of(path) == frames
 
 
-def test_a_jump_of_the_source_is_no_pop_of_the_result():
+def test_nothing_pops_at_a_jump_of_the_source_a_cut_or_in_one_frame_at_any_rate():
+    step = np.repeat([0.0, 0.05], 5)
+    assert pops_of(0.7 * step, "0.0083333") == [4]
+    assert pops_of(1.4 * step, "0.0333333") == []
     jump = np.repeat([0.0, 0.1], 5)
     copy, result = carried(WALKED / 10 + jump), carried(WALKED / 10 + 1.5 * jump)
     assert not jumps_of(copy, result).any()
     assert not jumps_of(carried(WALKED / 10 + 0.5 * jump), result).any()
     assert np.flatnonzero(jumps_of(carried(WALKED / 10), result).any(axis=1)).tolist() == [4]
-
-
-def test_pops_take_the_same_time_at_any_frame_rate():
-    step = np.repeat([0.0, 0.05], 5)
-    assert pops_of(0.7 * step, "0.0083333") == [4]
-    assert pops_of(1.4 * step, "0.0333333") == []
-
-
-def test_nothing_pops_at_a_cut_or_in_one_frame():
     about = {"Hips": np.repeat([[0.0, 0, 0], [0, np.pi, 0]], 4, axis=0)}
     step = np.outer(np.repeat([0.0, 0.1], 4), [LEG, 0, 0])
     copy, result = posed(PERSON, about, np.zeros((8, 3))), posed(PERSON, about, step)

@@ -276,8 +276,5 @@ def test_no_text_is_a_formula(text):
 
 def test_no_text_ends_its_row():
     assert [*csv.reader(csv_lines(["a", "b"], [{"a": "x\r\ny", "b": "\r=1"}]))][1:] == [["x \ny", " =1"]]
-
-
-def test_what_is_missing_is_an_empty_cell():
     assert [*csv_lines(["a", "b"], [{"a": None}, {"b": 'x, "y"'}])] == ["a,b\n", ",\n", ',"x, ""y"""\n']
     assert csv_text([{"a": 1}, {"a": 2}]) == "a\n1\n2\n"

@@ -34,9 +34,6 @@ def test_path_lengths_turn_source_distances_into_target_distances():
     apart = ~np.eye(22, dtype=bool)
     expected = paths_of(target)[apart] / paths_of(source)[apart] / target.longest_path
     np.testing.assert_allclose(problem.ratio[apart], expected)
-
-
-def test_the_ratio_does_not_depend_on_units():
     source = table_one()
     target = other_lengths(source)
     in_cm = target.with_offsets(100 * target.offsets)
@@ -78,9 +75,6 @@ def test_unmatched_joints_are_no_points():
     problem = distance_problem(body, other_lengths(body), drivers)
     assert len(problem) == 22
     assert problem.priorities[np.triu_indices(22, 1)].min() == pytest.approx(1 / 6)
-
-
-def test_two_joints_are_enough():
     body = tree_of([[0, 0, 0], [0, 2, 0]])
     problem = problem_of(body, body)
     np.testing.assert_array_equal(problem.priorities, [[0, 1], [1, 0]])

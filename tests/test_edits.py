@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import SAMPLES, paths_of, person, sample, sample_target, swaying, tree_of
-from click.testing import CliRunner
+from program import run, succeeded
 from scipy.spatial.transform import Rotation
 
 from distretarget import (
@@ -26,16 +26,11 @@ from distretarget import (
     turned,
     write_bvh,
 )
-from distretarget.cli import cli
 from distretarget.pipeline.edits import carry_of
 from distretarget.skeleton import Skeleton
 
 SIDES = re.compile("Left|Right")
-
-
-@pytest.fixture(scope="module")
-def walk():
-    return sample("walk")
+WALK = sample("walk")
 
 
 def size(motion):
@@ -60,16 +55,17 @@ def other_side(skeleton: Skeleton):
         (None, 100.0, (0, 249)),
     ],
 )
-def test_frames_from_one_time_to_another_are_kept(walk, start, end, frames):
-    part = trimmed(walk, start, end)
-    np.testing.assert_array_equal(part.rotations, walk.rotations[slice(*frames)])
-    assert part.frame_time_text == walk.frame_time_text
+def test_frames_from_one_time_to_another_are_kept(start, end, frames):
+    part = trimmed(WALK, start, end)
+    np.testing.assert_array_equal(part.rotations, WALK.rotations[slice(*frames)])
+    assert part.frame_time_text == WALK.frame_time_text
 
 
 @pytest.mark.parametrize(("start", "end"), [(2.0, 1.0), (100.0, None), ("400f", None)])
-def test_where_there_is_no_frame_an_error_says_how_long_the_clip_is(walk, start, end):
+def test_where_there_is_no_frame_an_error_says_how_long_the_clip_is(start, end):
     with pytest.raises(MotionError, match=r"has no frame from .* s; it lasts 4\.13"):
-        trimmed(walk, start, end)
+        trimmed(WALK, start, end)
+    assert len(mirrored(WALK[:0])) == 0
 
 
 @pytest.mark.parametrize("edit", [{"start": "x"}, {"end": -1.0}, {"speed": 0.0}, {"turn": np.nan}, {"mirror": 1}])
@@ -78,17 +74,16 @@ def test_values_that_are_none_are_refused(edit):
         Edits(**edit)
 
 
-def test_twice_as_fast_takes_half_the_time_and_ends_alike(walk):
-    fast = at_speed(walk, 2.0)
-    assert fast.frame_time_text == walk.frame_time_text
-    np.testing.assert_allclose(fast.positions, walk.positions[::2], atol=1e-6 * size(walk))
-
-
-def test_a_mirrored_body_is_where_the_mirror_shows_it(walk):
-    sides = other_side(walk.skeleton)
+def test_a_mirrored_a_turned_and_a_faster_body_are_where_they_are_to_be():
+    sides = other_side(WALK.skeleton)
     np.testing.assert_allclose(
-        mirrored(walk).positions, walk.positions[:, sides] * [-1.0, 1.0, 1.0], atol=1e-9 * size(walk)
+        mirrored(WALK).positions, WALK.positions[:, sides] * [-1.0, 1.0, 1.0], atol=1e-9 * size(WALK)
     )
+    expected = Rotation.from_euler("Y", 90, degrees=True).apply(WALK.positions.reshape(-1, 3))
+    np.testing.assert_allclose(turned(WALK, 90.0).positions.reshape(-1, 3), expected, atol=1e-9 * size(WALK))
+    fast = at_speed(WALK, 2.0)
+    assert fast.frame_time_text == WALK.frame_time_text
+    np.testing.assert_allclose(fast.positions, WALK.positions[::2], atol=1e-6 * size(WALK))
 
 
 @pytest.mark.parametrize("seed", range(3))
@@ -100,19 +95,14 @@ def test_mirrored_twice_is_the_same_also_where_sides_differ(seed):
 
 
 @pytest.mark.parametrize("target", ["child.json", "rigs/unreal_a.json", "rigs/mixamo_t.json"])
-def test_mirror_and_turn_may_come_before_or_after_retargeting(walk, target):
+def test_mirror_and_turn_may_come_before_or_after_retargeting(target):
     body = load_target(SAMPLES / target)
     skeleton = body.skeleton
     seen = [joint for joint, name in enumerate(skeleton.names) if not name.startswith("ik_")]
     for edit in (mirrored, lambda motion: turned(motion, 73.0)):
-        before, after = retarget(edit(walk), body).motion, edit(retarget(walk, body).motion)
+        before, after = retarget(edit(WALK), body).motion, edit(retarget(WALK, body).motion)
         off = np.abs(before.positions - after.positions)[:, seen].max()
         assert off < 1e-3 * size(after)
-
-
-def test_a_turned_body_goes_another_way(walk):
-    expected = Rotation.from_euler("Y", 90, degrees=True).apply(walk.positions.reshape(-1, 3))
-    np.testing.assert_allclose(turned(walk, 90.0).positions.reshape(-1, 3), expected, atol=1e-9 * size(walk))
 
 
 def test_a_loop_of_a_body_that_stays_closes():
@@ -124,8 +114,8 @@ def test_a_loop_of_a_body_that_stays_closes():
     np.testing.assert_allclose(loop.positions[middle], squat.positions[middle], atol=1e-9 * size(squat))
 
 
-def test_a_walk_goes_on_from_round_to_round(walk):
-    part = trimmed(walk, "60f", "130f")
+def test_a_walk_goes_on_from_round_to_round():
+    part = trimmed(WALK, "60f", "130f")
     loop = looped(part)
     on = (part.positions[-1, 0] - part.positions[0, 0]) * [1.0, 0.0, 1.0]
     turn = Rotation.from_quat(part.rotations[-1, 0]) * Rotation.from_quat(part.rotations[0, 0]).inv()
@@ -173,38 +163,31 @@ def test_mirror_and_retargeting_commute_as_far_as_the_sides_of_the_source_are_al
     assert off < 2.0 * skew + 1e-6
 
 
-def test_no_frames_are_mirrored_to_none(walk):
-    assert len(mirrored(walk[:0])) == 0
-
-
-def test_a_loop_takes_four_frames_and_a_mirror_a_human_body(walk):
+def test_a_loop_takes_four_frames_and_a_mirror_a_human_body():
     with pytest.raises(MotionError, match="at least 4"):
-        looped(walk[:3])
+        looped(WALK[:3])
     motion = swaying(tree_of(np.eye(3)), 5)
     with pytest.raises(MotionError, match="left and right"):
         mirrored(motion)
 
 
-def test_the_command_makes_what_the_functions_make(tmp_path, walk):
+def test_the_command_makes_what_the_functions_make(tmp_path):
     path, out = tmp_path / "walk.bvh", tmp_path / "out.bvh"
-    write_bvh(path, walk)
+    write_bvh(path, WALK)
     target = str(SAMPLES / "child.json")
     edits = ["--start", "20f", "--end", "2.5", "--mirror", "--turn", "40", "--speed", "0.8", "--loop"]
-    ran = CliRunner().invoke(cli, ["retarget", str(path), target, "-o", str(out), *edits])
-    assert ran.exit_code == 0, ran.output
+    succeeded(path, target, "-o", out, *edits)
     edited = looped(turned(mirrored(at_speed(trimmed(read_bvh(path), "20f", 2.5), 0.8)), 40.0))
     expected = retarget(edited, load_target(target), Options()).motion
-    np.testing.assert_allclose(read_bvh(out).positions, expected.positions, atol=1e-4 * size(walk))
+    np.testing.assert_allclose(read_bvh(out).positions, expected.positions, atol=1e-4 * size(WALK))
 
 
-def test_a_batch_retargets_again_what_is_edited_otherwise(tmp_path, walk):
+def test_a_batch_retargets_again_what_is_edited_otherwise(tmp_path):
     (tmp_path / "in").mkdir()
-    write_bvh(tmp_path / "in" / "walk.bvh", walk[:40])
+    write_bvh(tmp_path / "in" / "walk.bvh", WALK[:40])
     command = ["batch", str(tmp_path / "in"), str(SAMPLES / "child.json"), "-o", str(tmp_path / "out"), "--jobs", "1"]
     for edits, converted in (([], 1), (["--mirror"], 1), (["--mirror"], 0)):
-        ran = CliRunner().invoke(cli, [*command, *edits])
-        assert ran.exit_code == 0, ran.output
-        assert f"{converted} converted" in ran.output, json.dumps(ran.output)
+        assert f"{converted} converted" in succeeded(*command, *edits).stdout
 
 
 @pytest.fixture(scope="module")
@@ -283,8 +266,7 @@ def test_a_scene_is_edited_by_its_options_and_by_its_file(tmp_path):
     targets = [word for each in scene["performers"] for word in ("-t", each["target"])]
     options = ["--end", "50f", "--speed", "2", "--mirror", "--turn", "30", "--loop"]
     for name, words in (("file", [str(tmp_path / "scene.json")]), ("options", [*files, *targets, *options])):
-        ran = CliRunner().invoke(cli, ["scene", *words, "-o", str(tmp_path / name)])
-        assert ran.exit_code == 0, ran.output
+        succeeded("scene", *words, "-o", tmp_path / name)
     results = [sorted(path.read_bytes() for path in (tmp_path / name).iterdir()) for name in ("file", "options")]
     assert results[0] == results[1]
     assert len(read_bvh(next((tmp_path / "file").glob("*.bvh")))) == 26
@@ -292,18 +274,7 @@ def test_a_scene_is_edited_by_its_options_and_by_its_file(tmp_path):
 
 @pytest.mark.parametrize("given", ["x", "-1", "f", "nan"])
 def test_a_time_that_is_none_is_told_in_a_line(tmp_path, given):
-    ran = CliRunner().invoke(
-        cli,
-        [
-            "retarget",
-            str(SAMPLES / "walk.bvh"),
-            str(SAMPLES / "child.json"),
-            "-o",
-            str(tmp_path / "o.bvh"),
-            "--start",
-            given,
-        ],
-    )
-    assert ran.exit_code != 0
-    assert "expected seconds, or a frame such as 90f" in ran.output
+    ran = run(SAMPLES / "walk.bvh", SAMPLES / "child.json", "-o", tmp_path / "o.bvh", "--start", given)
+    assert ran.returncode != 0
+    assert "expected seconds, or a frame such as 90f" in ran.stderr
     assert not (tmp_path / "o.bvh").exists()

@@ -65,7 +65,7 @@ def test_the_examples_are_typed_strictly_from_outside_the_package(tmp_path):
     for example in EXAMPLES.glob("*.py"):
         (tmp_path / example.name).write_text(example.read_text())
     checked = subprocess.run(
-        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", str(tmp_path / "cache"), *tmp_path.glob("*.py")],
+        [sys.executable, "-m", "mypy", "--strict", "--cache-dir", ROOT / ".mypy_cache", *tmp_path.glob("*.py")],
         cwd=tmp_path,
         capture_output=True,
         text=True,

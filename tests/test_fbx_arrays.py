@@ -33,9 +33,6 @@ def test_the_strongest_bones_of_a_vertex_are_kept_the_strongest_first():
     assert joints[0].tolist() == list(range(many - 1, 1, -1))
     np.testing.assert_allclose(shares[0], 0.1 * np.arange(many, 2, -1))
     assert (joints[1, 0], shares[1, 0], shares[1, 1:].any(), shares[2].any()) == (5, 0.3, False, False)
-
-
-def test_matrices_without_an_inverse_become_zeros():
     matrix = np.eye(4)
     matrix[:3, 3], matrix[0, 0] = [1.0, 2.0, 3.0], 2.0
     np.testing.assert_allclose(_inverse(matrix) @ matrix, np.eye(4), atol=1e-15)

@@ -78,18 +78,15 @@ def test_hips_are_compared_only_while_the_feet_alone_carry_the_body():
     np.testing.assert_allclose(feet.hips_height[10:], 0.0, atol=1e-9)
 
 
-def test_feet_of_a_person_who_stands_are_in_stance_and_do_not_slide():
-    feet = measured(standing(), standing())
-    assert feet.stance.shape == (30, 4)
-    assert feet.stance.all()
-    np.testing.assert_allclose(feet.skate, 0.0)
-
-
-def test_slide_is_the_horizontal_speed_in_leg_lengths():
+def test_feet_that_stand_do_not_slide_and_slide_is_the_horizontal_speed_in_leg_lengths():
     rising = np.outer(np.arange(30) * TIME, 0.2 * ALONG + 3.0 * UP)
     feet = measured(standing(), standing(path=rising))
     np.testing.assert_allclose(feet.skate, np.full((30, 4), 0.2 / LEG))
     np.testing.assert_allclose(feet.skate_source, 0.0)
+    feet = measured(standing(), standing())
+    assert feet.stance.shape == (30, 4)
+    assert feet.stance.all()
+    np.testing.assert_allclose(feet.skate, 0.0)
 
 
 @pytest.mark.parametrize(("speed", "in_stance"), [(0.3, True), (0.4, False)])
@@ -133,6 +130,8 @@ def test_hips_are_measured_over_the_ankle():
     np.testing.assert_allclose(feet.hips_height, 100 * (1 - np.cos(angle)))
     np.testing.assert_allclose(feet.foot_height, 0.0, atol=1e-6)
     np.testing.assert_allclose(measured(standing(), standing(height=LEG + 0.2)).hips_height, 0.0, atol=1e-9)
+    source = standing(turns=bent_knees(np.radians(80)))
+    assert np.isnan(measured(source, source).hips_height).all()
 
 
 def test_wide_hips_that_tilt_on_one_leg_are_measured_by_that_leg():
@@ -145,11 +144,6 @@ def test_wide_hips_that_tilt_on_one_leg_are_measured_by_that_leg():
     np.testing.assert_allclose(feet.hips_height, [[0.0, np.nan]], atol=1e-9)
 
 
-def test_hips_near_the_floor_sit_on_it():
-    source = standing(turns=bent_knees(np.radians(80)))
-    assert np.isnan(measured(source, source).hips_height).all()
-
-
 def test_the_largest_hips_height_is_of_a_frame():
     angles = np.zeros(30)
     angles[7] = 0.4
@@ -159,17 +153,14 @@ def test_the_largest_hips_height_is_of_a_frame():
     assert values["hips_height"] == pytest.approx(100 * (1 - np.cos(0.4)) / 30)
 
 
-def test_a_foot_of_another_build_that_stands_on_its_own_sole_is_no_error():
+def test_a_sole_in_the_floor_is_an_error_whatever_its_build_and_one_on_it_is_none():
+    body = high_ankles()
+    feet = measured(standing(), standing(body=body))
+    np.testing.assert_allclose(feet.foot_height, 100 * ankle_over_sole(body) / LEG)
     body = high_ankles()
     feet = measured(standing(), standing(body=body, height=LEG + ankle_over_sole(body)))
     for key in OVER_FEET:
         np.testing.assert_allclose(getattr(feet, key), 0.0, atol=1e-9)
-
-
-def test_a_sole_in_the_floor_is_an_error_whatever_its_build():
-    body = high_ankles()
-    feet = measured(standing(), standing(body=body))
-    np.testing.assert_allclose(feet.foot_height, 100 * ankle_over_sole(body) / LEG)
 
 
 def test_the_heel_below_the_ankle_is_part_of_the_sole():
@@ -200,12 +191,6 @@ def test_without_toes_heights_are_those_of_ankles():
     np.testing.assert_allclose(feet.hips_height, 0.0, atol=1e-9)
 
 
-def test_one_frame_is_a_person_at_rest():
-    feet = measured(standing(frames=1), standing(frames=1, height=LEG + 0.1))
-    assert feet.stance.all()
-    np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / LEG)
-
-
 def test_a_body_without_legs_has_no_feet_to_measure():
     motion = posed(tree_of(np.outer([0, 1, 1, 1], UP)), {}, np.zeros((4, 3)))
     feet = measured(motion, motion)
@@ -213,6 +198,9 @@ def test_a_body_without_legs_has_no_feet_to_measure():
     assert feet.stance.dtype == bool
     values = metrics(motion, motion)
     assert {values[key] for key in ("foot_skate", *OVER_FEET, "hips_height_largest")} == {None}
+    feet = measured(standing(frames=1), standing(frames=1, height=LEG + 0.1))
+    assert feet.stance.all()
+    np.testing.assert_allclose(feet.foot_height, 100 * 0.1 / LEG)
 
 
 FEET = ("Ankle", "Toe", "Toe_End")
@@ -263,18 +251,15 @@ def test_a_hand_holds_on_to_something_while_the_shoulder_goes_eight_times_as_far
     assert ("LeftWrist_End" in hands) == holds
 
 
-def test_the_same_motion_slides_as_much_and_is_as_high():
-    motion = source("crawl")
-    np.testing.assert_array_equal(found_in("crawl").skate, find_supports(motion, matched(motion, motion), UP).skate)
-    np.testing.assert_array_equal(found_in("crawl").height, 0)
-
-
 def test_a_raised_and_sliding_result_is_measured_in_leg_lengths():
     motion = source("push_up")
     leg = matched(motion, motion).leg_lengths[0]
     raised = found_in("push_up", moved(motion, Rotation.identity(), shift=(0, 0.05 * leg, 0)))
     np.testing.assert_allclose(raised.height, 5.0)
     np.testing.assert_allclose(raised.skate, found_in("push_up").skate, atol=1e-9)
+    motion = source("crawl")
+    np.testing.assert_array_equal(found_in("crawl").skate, find_supports(motion, matched(motion, motion), UP).skate)
+    np.testing.assert_array_equal(found_in("crawl").height, 0)
 
 
 def test_the_body_is_carried_by_others_a_little_longer_than_they_rest():

@@ -46,24 +46,28 @@ def places_of(stance, target, name):
     return stance.places[:, stance.joints.tolist().index(target.index(name))]
 
 
-def test_a_body_without_legs_stands_nowhere():
+def test_a_body_without_legs_or_whose_legs_follow_nothing_stands_nowhere():
     chain = tree_of(np.eye(3))
     stance = stance_of(swaying(chain), chain, 2.0)
     assert (stance.joints.shape, stance.weights.shape, stance.places.shape) == ((0,), (20, 0), (20, 0, 3))
     assert no_supports(20).weights.shape == (20, 0)
-
-
-def test_legs_the_source_does_not_drive_stand_nowhere():
     body = person()
     matching = matched(swaying(body), body, {"LeftAnkle": None})
     assert matching.legs is None
     assert len(stance_by(matching, 1.0).joints) == 0
 
 
-def test_both_feet_of_a_standing_person_rest_all_the_time():
+def test_feet_of_a_standing_person_rest_but_for_a_lifted_one():
     stance = stance_of(standing(person()), person())
     names = {person().names[joint] for joint in stance.joints}
     assert names == {"LeftAnkle", "LeftToe", "RightAnkle", "RightToe"}
+    np.testing.assert_allclose(stance.weights, 1.0)
+    lifted = {"LeftHip": np.array([-0.9, 0, 0]), "LeftKnee": np.array([1.2, 0, 0])}
+    stance = stance_of(standing(person(), turns=lifted), person())
+    for joint, weights in zip(stance.joints, stance.weights.T, strict=True):
+        expected = 0.0 if person().names[joint].startswith("Left") else 1.0
+        np.testing.assert_allclose(weights, expected)
+    stance = stance_of(standing(person(), frames=1), person())
     np.testing.assert_allclose(stance.weights, 1.0)
 
 
@@ -104,14 +108,6 @@ def test_a_jump_is_left_alone_in_the_air():
     assert rising.any()
     assert falling.any()
     np.testing.assert_array_equal(stance.weights[rising | falling], 0.0)
-
-
-def test_a_lifted_foot_does_not_rest_and_the_other_does():
-    lifted = {"LeftHip": np.array([-0.9, 0, 0]), "LeftKnee": np.array([1.2, 0, 0])}
-    stance = stance_of(standing(person(), turns=lifted), person())
-    for joint, weights in zip(stance.joints, stance.weights.T, strict=True):
-        expected = 0.0 if person().names[joint].startswith("Left") else 1.0
-        np.testing.assert_allclose(weights, expected)
 
 
 @pytest.mark.parametrize("sine", [-0.5, 0.0, 0.3, 0.7])
@@ -172,18 +168,19 @@ def rising(ankles, weights, shots=0):
     return hips_rise(replace(clip, shots=np.broadcast_to(shots, frames.shape).astype(np.intp)), feet)
 
 
-def test_hips_rise_as_far_as_the_ankles_and_only_while_they_do():
+def test_hips_rise_as_far_as_ankles_that_rest_in_each_shot_or_else_by_what_the_soles_are_thicker():
     """As on tiptoe, where a longer foot lifts the ankle higher."""
     ankles = np.where(np.abs(np.arange(400) - 200) < 60, 0.1, 0.02)
     rise = rising(ankles, np.ones(400))
     far = np.abs(np.abs(np.arange(400) - 200) - 60) > 40
     np.testing.assert_allclose(rise[far], ankles[far], atol=2e-3)
     assert np.abs(np.diff(rise, 2)).max() < 0.08 / 50
-
-
-def test_only_ankles_at_rest_lift_the_hips():
     resting = np.arange(40) < 10
     np.testing.assert_allclose(rising(np.where(resting, 0.02, 0.5), 1.0 * resting), 0.02)
+    shots = np.arange(40) >= 25
+    np.testing.assert_allclose(rising(np.where(shots, 0.5, 0.02), np.ones(40), shots), np.where(shots, 0.5, 0.02))
+    source_sole, target_sole = 0.0, 0.14 * 0.7  # of feet that are level, and pitched by a sine of 0.7
+    np.testing.assert_allclose(rising(np.zeros(40), np.zeros(40)), target_sole - source_sole, atol=1e-9)
 
 
 def test_a_foot_that_stands_flat_lifts_the_hips_more_than_one_on_its_toes():
@@ -259,17 +256,6 @@ def test_how_far_a_forefoot_is_bent_as_it_rests_belongs_to_the_rig():
     np.testing.assert_allclose(turned["Left"][50:], more, atol=1e-3)
     feet = result.motion.positions[:, [toes["Right"], person().index("RightAnkle")]] @ UP
     np.testing.assert_allclose(np.ptp(feet, axis=1), 0.0, atol=0.01)
-
-
-def test_hips_of_each_shot_rise_on_their_own():
-    shots = np.arange(40) >= 25
-    np.testing.assert_allclose(rising(np.where(shots, 0.5, 0.02), np.ones(40), shots), np.where(shots, 0.5, 0.02))
-
-
-def test_where_no_foot_rests_hips_rise_by_what_the_soles_are_thicker():
-    """Jumps and falls on a body of other feet keep the height over the floor at which they would land."""
-    source_sole, target_sole = 0.0, 0.14 * 0.7  # of feet that are level, and pitched by a sine of 0.7
-    np.testing.assert_allclose(rising(np.zeros(40), np.zeros(40)), target_sole - source_sole, atol=1e-9)
 
 
 def test_a_first_frame_in_another_posture_says_nothing_of_the_rest():
@@ -443,11 +429,6 @@ def test_ankles_are_compared_with_ankles_where_a_body_has_no_feet(footless):
     for name in ("LeftAnkle", "RightAnkle", "Hips"):
         expected = result.source.positions[:, source.index(name)]
         np.testing.assert_allclose(result.motion.positions[:, target.index(name)], expected, atol=1e-6)
-
-
-def test_a_single_frame_has_its_feet_at_rest():
-    stance = stance_of(standing(person(), frames=1), person())
-    np.testing.assert_allclose(stance.weights, 1.0)
 
 
 @pytest.mark.parametrize("name", ["walk", "squat", "turn"])

@@ -34,7 +34,7 @@ def test_findings_stay_mended(case):
 
 @pytest.mark.parametrize(
     ("part", "count"),
-    [("readers", 150), ("pipeline", 40), ("scenes", 15), ("contacts", 15), ("commands", 15)],
+    [("readers", 100), ("pipeline", 25), ("scenes", 8), ("contacts", 8), ("commands", 10)],
 )
 def test_generated_inputs(part, count):
     tried = fuzz.tried(fuzz.PARTS[part], count, first_seed=10**6)

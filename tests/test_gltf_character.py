@@ -7,11 +7,10 @@ import numpy as np
 import pygltflib
 import pytest
 from bodies import SAMPLES, person
-from click.testing import CliRunner
 from fbx_text import FPS_30, Y_UP, Z_UP, MeshOfNodes, Node, fbx
+from program import succeeded
 
 from distretarget import FileError, load_target, read_bvh, read_motion, retarget, write_motion
-from distretarget.cli import cli
 
 pytest.importorskip("ufbx")
 
@@ -64,9 +63,7 @@ def written(tmp_path):
     def write(up="Y", image="", ending=".glb"):
         path, out = tmp_path / "hero.fbx", tmp_path / f"out{ending}"
         path.write_bytes(character(up, image))
-        ran = CliRunner().invoke(cli, ["retarget", str(SAMPLES / "wave.bvh"), str(path), "-o", str(out)])
-        assert ran.exit_code == 0, ran.output
-        return path, out, ran
+        return path, out, succeeded(SAMPLES / "wave.bvh", path, "-o", out)
 
     return write
 
@@ -112,7 +109,7 @@ def test_corners_keep_their_normals_and_places_on_images(written, tmp_path):
     (image,) = file.images
     view = file.bufferViews[image.bufferView]
     assert data[view.byteOffset : view.byteOffset + view.byteLength] == png()
-    assert "base colours" in ran.output
+    assert "base colours" in ran.stdout + ran.stderr
 
 
 @pytest.mark.parametrize("content", [None, b"BM no picture of glTF"])
@@ -120,7 +117,10 @@ def test_an_image_that_cannot_be_kept_is_told(written, tmp_path, content):
     if content:
         (tmp_path / "skin.bmp").write_bytes(content)
     _, out, ran = written(image="skin.bmp")
-    assert f"an image of the FBX file is left out: 'skin.bmp' is {'neither' if content else 'not beside'}" in ran.output
+    assert (
+        f"an image of the FBX file is left out: 'skin.bmp' is {'neither' if content else 'not beside'}"
+        in ran.stdout + ran.stderr
+    )
     assert not pygltflib.GLTF2().load_binary(str(out)).images
 
 
@@ -147,9 +147,7 @@ def test_without_a_mesh_it_is_refused(tmp_path):
 def test_a_batch_writes_glb_of_an_fbx_file(tmp_path):
     path = tmp_path / "hero.fbx"
     path.write_bytes(character())
-    command = ["batch", str(SAMPLES / "wave.bvh"), str(path), "-o", str(tmp_path / "all.glb"), "--merge", "--jobs", "1"]
-    ran = CliRunner().invoke(cli, command)
-    assert ran.exit_code == 0, ran.output
+    succeeded("batch", SAMPLES / "wave.bvh", path, "-o", tmp_path / "all.glb", "--merge", "--jobs", 1)
     text = (tmp_path / "all.glb").read_bytes()
     assert [
         each["name"] for each in json.loads(text[20 : 20 + int.from_bytes(text[12:16], "little")])["animations"]

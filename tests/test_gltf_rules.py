@@ -122,21 +122,11 @@ def influences(joints, weights, bones, more=()):
     return _influences(file, fields.node, fields.inner("attributes"), len(joints), bones)
 
 
-def test_joints_without_weight_may_be_any_number():
-    joints, weights = influences([[1, 255, 7, 2], [2, 0, 200, 3]], [[1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]], 3)
-    assert joints.tolist() == [[1, 0, 0, 0], [2, 0, 0, 0]]
-    assert weights.tolist() == [[1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]]
-
-
-def test_more_than_four_bones_may_move_a_vertex():
+def test_more_than_four_bones_may_move_a_vertex_of_which_those_count_that_move_it_most():
     more = [([[4, 3, 0, 9]], [[0.2, 0.1, 0.0, 0.0]]), ([[1, 0, 0, 0]], [[0.05, 0.0, 0.0, 0.0]])]
     joints, weights = influences([[0, 1, 2, 3]], [[0.4, 0.1, 0.1, 0.05]], 5, more)
     assert joints.tolist() == [[0, 4, 1, 2, 3, 3, 1, 0]]
     np.testing.assert_allclose(weights, [[0.4, 0.2, 0.1, 0.1, 0.1, 0.05, 0.05, 0.0]], atol=1e-7)
-
-
-def test_of_many_bones_those_count_that_move_a_vertex_most():
-    """So a small file whose sets of influences are one accessor, used again and again, makes no large arrays."""
     more = [([[k % 5, 0, 0, 0]], [[k / 400, 0.0, 0.0, 0.0]]) for k in range(1, 400)]
     joints, weights = influences([[0, 0, 0, 0]], [[0.0] * 4], 5, more)
     np.testing.assert_allclose(weights, [np.arange(399, 391, -1) / 400], rtol=1e-6)
@@ -146,6 +136,9 @@ def test_of_many_bones_those_count_that_move_a_vertex_most():
 def test_joints_with_weight_must_be_in_the_skin():
     with pytest.raises(SkeletonFileError, match="has the joint 3; its skin has 3"):
         influences([[0, 3, 0, 0]], [[0.5, 0.5, 0.0, 0.0]], 3)
+    joints, weights = influences([[1, 255, 7, 2], [2, 0, 200, 3]], [[1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]], 3)
+    assert joints.tolist() == [[1, 0, 0, 0], [2, 0, 0, 0]]
+    assert weights.tolist() == [[1.0, 0.0, 0.0, 0.0], [0.25, 0.75, 0.0, 0.0]]
 
 
 def test_the_thumbs_of_vrm_0_are_named_one_bone_further_out():
@@ -306,40 +299,28 @@ def bound(weights, to_bones=None, joints=None, normals=None):
     return _bound(part, 1, nodes, binds, joints or {0: 0, 1: 1})
 
 
-def test_vertices_are_the_mean_of_where_bones_bring_them_by_weight():
+def test_vertices_and_normals_follow_bones_by_weight():
     for weights, up in (([1, 0], 0.0), ([0, 1], 2.0), ([0.5, 0.5], 1.0), ([3, 1], 0.5), ([0.1, 0.1], 1.0)):
         mesh = bound(weights)
         np.testing.assert_allclose(mesh.vertices, TRIANGLE + np.array([0.0, up, 0.0]), atol=1e-12)
         np.testing.assert_allclose(mesh.weights.sum(axis=1), 1.0)
-
-
-def test_normals_turn_with_bones_by_weight():
     turned = np.tile(np.eye(4), (2, 1, 1))
     turned[1, :3, :3] = [[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]  # X to Y
     mesh = bound([0.75, 0.25], turned, normals=np.tile([1.0, 0.0, 0.0], (3, 1)))
     np.testing.assert_allclose(mesh.looks.normals, np.tile([3.0, 1.0, 0.0], (3, 1)) / np.sqrt(10.0), atol=1e-12)
 
 
-def test_negative_weights_count_as_none():
+def test_what_no_bone_of_the_skeleton_moves_is_left_out():
     mesh = bound([2.0, -1.0])
     np.testing.assert_allclose(mesh.vertices, TRIANGLE, atol=1e-12)
     np.testing.assert_allclose(mesh.weights, [[1.0, 0.0]] * 3)
-
-
-def test_bones_whose_matrix_has_no_inverse_move_nothing():
     to_bones = np.tile(np.eye(4), (2, 1, 1))
     to_bones[1, :3, :3] = 0.0
     np.testing.assert_allclose(bound([0.5, 0.5], to_bones).vertices, TRIANGLE, atol=1e-12)
     assert bound([0.0, 1.0], to_bones) is None
-
-
-def test_a_triangle_with_a_vertex_that_nothing_moves_is_left_out():
     mesh = bound([[1.0, 0.0], [1.0, 0.0], [0.0, 0.0]])
     assert len(mesh.triangles) == 0
     assert len(mesh.vertices) == 2
-
-
-def test_bones_above_the_skeleton_move_nothing():
     mesh = bound([0.5, 0.5], joints={0: 0})
     np.testing.assert_allclose(mesh.vertices, TRIANGLE, atol=1e-12)
     assert mesh.joints.max() == 0

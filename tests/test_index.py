@@ -8,8 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from bodies import person, swaying
-from conftest import PLAYER_BUILT
-from pages import check_it_asks_for_nothing, check_text_can_be_read, embedded, made_once, printed, settle
+from pages import (
+    check_it_asks_for_nothing,
+    check_text_can_be_read,
+    embedded,
+    made_once,
+    printed,
+    settle,
+    wait_until_true,
+)
 
 import distretarget.report
 from distretarget.measure.metrics import COLUMNS
@@ -243,7 +250,7 @@ def head(tab, name):
     return tab.locator("thead th", has_text=re.compile(f"^{name}"))
 
 
-def test_the_head_counts(opened):
+def test_the_page_has_counts_cards_links_and_named_controls(opened):
     tab = opened()
     facts = dict(zip(*(tab.locator(f"#facts {tag}").all_inner_texts() for tag in ("dt", "dd")), strict=True))
     assert facts == {
@@ -257,13 +264,14 @@ def test_the_head_counts(opened):
     }
     assert tab.title() == tab.inner_text("h1") == "Title few"
     assert "tall.json" in opened("one target").inner_text("#facts")
-
-
-def test_the_cards_have_median_and_worst(opened):
-    card = opened().locator(".metric").first
+    card = tab.locator(".metric").first
     assert card.locator(".big").inner_text() == "0.200 median"
     rows = dict(zip(*(card.locator(tag).all_inner_texts() for tag in ("dt", "dd")), strict=True))
     assert rows == {"worst": "0.300", "rotation copy": "0.250", "copy’s worst": "0.400"}  # noqa: RUF001
+    links = {link.inner_text(): link.get_attribute("href") for link in tab.locator("tbody a").all()}
+    assert links == {f"clip_{k}.bvh": f"reports/clip_{k}.bvh.html" for k in (0, 1, 2, 10)}
+    for control in tab.locator("button, input, select, summary, a[href], [tabindex='0']").all():
+        assert control.get_attribute("aria-label") or control.inner_text().strip()
 
 
 def test_failures_are_shown_with_their_reasons(opened):
@@ -315,12 +323,6 @@ def test_filters_choose_clips(opened):
     for status, count in (("failed", 1), ("converted", 4), ("warned", 1), ("all", 5)):
         tab.select_option("#status", status)
         assert len(names(tab)) == count
-
-
-def test_links_go_to_the_reports(opened):
-    tab = opened()
-    links = {link.inner_text(): link.get_attribute("href") for link in tab.locator("tbody a").all()}
-    assert links == {f"clip_{k}.bvh": f"reports/clip_{k}.bvh.html" for k in (0, 1, 2, 10)}
 
 
 def test_warnings_open_and_close(opened):
@@ -415,7 +417,7 @@ def test_clips_are_played(open_player, pages, width, theme):
     assert [one.get_attribute("aria-pressed") for one in buttons.all()] == ["true", "false"]
     tab.keyboard.press("End")
     buttons.nth(1).click()
-    tab.evaluate(PLAYER_BUILT)
+    wait_until_true(tab, "globalThis.app?.clock.count === 5")
     settle(tab)
     assert tab.inner_text("#watched-name") == "clip_2.bvh"
     assert tab.evaluate("[app.clock.count, app.clock.frame]") == [5, 0]
@@ -427,8 +429,3 @@ def test_clips_are_played(open_player, pages, width, theme):
     assert tab.evaluate("document.scrollingElement.scrollWidth") <= width
     head(tab, "Clip").locator("button").click()
     assert tab.locator(".watch[aria-pressed=true]").get_attribute("aria-label") == "Play clip_2.bvh"
-
-
-def test_every_control_has_a_name(opened):
-    for control in opened().locator("button, input, select, summary, a[href], [tabindex='0']").all():
-        assert control.get_attribute("aria-label") or control.inner_text().strip()

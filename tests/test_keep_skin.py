@@ -78,13 +78,10 @@ def test_a_mesh_of_no_human_has_no_thickness():
     np.testing.assert_allclose(run.motion.rotations, still.rotations, atol=1e-9)
 
 
-def test_a_target_without_mesh_or_radii_has_no_thickness():
+def test_a_target_without_mesh_or_radii_has_no_thickness_but_that_which_is_asked_for():
     target = sample_target("child")
     kept, alone = (retarget(sample("clap"), target, options).motion for options in (Options(), BONES_ALONE))
     np.testing.assert_array_equal(kept.rotations, alone.rotations)
-
-
-def test_an_average_adult_can_be_asked_for():
     target = sample_target("long_arms")
     run = retarget(sample("hands_on_hips"), target, Options(skin="average"))
     assert run.metrics["result"]["skin_depth"] < run.metrics["rotation_copy"]["skin_depth"]

@@ -34,15 +34,9 @@ def test_legs_of_the_papers_skeleton():
     expected = [("LeftHip", "LeftAnkle", "LeftToe"), ("RightHip", "RightAnkle", "RightToe")]
     assert names_of_legs(body) == expected
     assert leg_length(body, tree_legs(body)) == pytest.approx(0.435 + 0.453)
-
-
-def test_legs_of_a_rest_pose_that_lies_along_one_axis():
     body = person()
     lying = body.with_offsets(body.lengths[:, None] * [1.0, 0, 0])
     assert [ankle for _, ankle, _ in names_of_legs(lying)] == ["LeftAnkle", "RightAnkle"]
-
-
-def test_the_hock_of_an_animal_is_no_ankle():
     expected = [(f"{side}Femur", f"{side}Hindpaw", f"{side}Hindpaw_End") for side in ("Left", "Right")]
     assert names_of_legs(dog()) == expected
 
@@ -65,12 +59,6 @@ def test_the_hock_of_an_animal_is_no_ankle():
 def test_legs_of_real_rigs(file, legs):
     found = names_of_legs(read_bvh(CORPUS / file).rigid_skeleton)
     assert [leg[: len(legs[0])] for leg in found] == legs
-
-
-def test_a_chain_has_no_legs():
-    chain = bent_chain()
-    assert tree_legs(chain) is None
-    assert find_legs(chain, None) is None
 
 
 def test_legs_are_found_on_bodies_of_any_proportion():
@@ -117,15 +105,15 @@ def test_a_body_that_lacks_a_leg_has_no_legs():
     for role in ("leftFoot", "rightUpperLeg"):
         roles = {name: joint for name, joint in anatomy.roles.items() if name != role}
         assert find_legs(body, replace(anatomy, roles=roles)) is None
+    chain = bent_chain()
+    assert tree_legs(chain) is None
+    assert find_legs(chain, None) is None
 
 
 def test_a_foot_points_to_the_toes():
     body = sample_target("rigs/mixamo_t").skeleton
     foot, toe = foot_bone(body, Body.of(body).anatomy, "left")
     assert (body.names[foot], body.names[toe]) == ("mixamorig:LeftFoot", "mixamorig:LeftToeBase")
-
-
-def test_a_foot_without_a_bone_points_nowhere_and_its_toe_is_the_ankle():
     body = sample_target("rigs/xsens_t").skeleton
     offsets = np.array(body.offsets)
     offsets[[joint for joint, name in enumerate(body.names) if "Toe" in name]] = 0.0

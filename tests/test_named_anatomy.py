@@ -228,9 +228,6 @@ def test_a_body_without_legs_needs_named_hips():
     text = BODY[: BODY.index("|LeftUpLeg")] + ")"
     assert set(roles(tree(text))) == {role for role in ROLES if not role.endswith(LEG)}
     assert by_names(tree(text.replace("Hips", "Base"))) is None
-
-
-def test_a_body_may_be_nothing_but_legs():
     text = "Hips(" + BODY[BODY.index("LeftUpLeg") :]
     assert set(roles(tree(text))) == {"hips", *(role for role in ROLES if role.endswith(LEG))}
 
@@ -298,14 +295,6 @@ def test_the_work_grows_as_the_number_of_joints_of_one_name(name):
 
 
 REAL = {
-    "cmu_mb/01_01.bvh": (
-        ("LeftShoulder", "LeftArm", "LeftForeArm", "LeftHand", "LeftUpLeg", "LeftLeg", "LeftFoot", "LeftToeBase"),
-        ("Hips", "LowerBack", "Spine", "Spine1", "Neck", "Head"),
-    ),
-    "cmu_daz/02_01.bvh": (
-        ("lCollar", "lShldr", "lForeArm", "lHand", "lThigh", "lShin", "lFoot", None),
-        ("hip", "abdomen", "chest", None, "neck", "head"),
-    ),
     "animated_drawings/jumping_jacks.bvh": (
         ("LeftCollar", "LeftShoulder", "LeftElbow", "LeftWrist", "LeftHip", "LeftKnee", "LeftAnkle", "LeftToe"),
         ("Hips", "lowerback", "Chest", "Chest2", "lowerneck", "Head"),
@@ -317,14 +306,6 @@ REAL = {
     "bvhio/example.bvh": (
         ("LeftCollar", "LeftUpArm", "LeftLowArm", "LeftHand", "LeftUpLeg", "LeftLowLeg", "LeftFoot", None),
         ("Hips", None, "Chest", None, "Neck", "Head"),
-    ),
-    "makehuman/dance1.bvh": (
-        ("Clavicle_L", "UpArm_L", "LoArm_L", "Hand_L", "UpLeg_L", "LoLeg_L", "Foot_L", "Toe_L"),
-        ("Root", "Spine1", "Spine2", "Spine3", "Neck", "Head"),
-    ),
-    "makehuman/tpose.bvh": (
-        ("clavicle.L", "upperarm01.L", "lowerarm01.L", "wrist.L", "upperleg01.L", "lowerleg01.L", "foot.L", "toe3-1.L"),
-        ("root", "spine05", "spine03", "spine01", "neck01", "head"),
     ),
     "pybvh/bvh_test2.bvh": (
         ("LeftCollar", "LeftShoulder", "LeftElbow", "LeftWrist", "LeftHip", "LeftKnee", "LeftAnkle", "LeftToe"),
@@ -369,12 +350,6 @@ def test_all_real_files_of_people_are_recognised():
     bodies = [read_bvh(next((CORPUS / folder).glob("*.bvh"))).rigid_skeleton for folder in files]
     assert all(by_names(body) for body in bodies)
     assert by_names(read_bvh(CORPUS / "pybvh" / "full_precision_frame_time.bvh").rigid_skeleton) is None
-
-
-def test_the_anatomy_of_a_rig_is_found_once_for_all_its_clips():
-    body = tree(BODY)
-    assert by_names(body) is by_names(body.with_offsets(2.0 * body.offsets))
-    assert by_names(body) is not by_names(tree(BODY.replace("Hips", "Pelvis")))
 
 
 NUMBERED = Rig(

@@ -32,34 +32,18 @@ from distretarget.objectives.clip import Clip
 VECTORS = np.random.default_rng(0).normal(size=(2, 5, 7, 3))
 
 
-def test_lengths_are_numpys():
+def test_lengths_extents_and_cross_products_are_numpys():
     a = VECTORS[0]
     np.testing.assert_allclose(lengths(a), np.linalg.norm(a, axis=-1), rtol=1e-15)
     assert lengths(np.zeros((0, 3))).shape == (0,)
-
-
-def test_the_extent_is_the_largest_absolute_value():
     assert extent(np.array([[1.0, -3.0], [2.0, 0.5]])) == extent(np.array([3.0, -2.0])) == 3.0
     assert extent(np.zeros((0, 3))) == 0.0
     assert np.isnan(extent(np.array([1.0, np.nan])))
     assert extent(np.array([-np.inf])) == np.inf
-
-
-def test_a_vector_of_no_length_has_no_direction():
     np.testing.assert_array_equal(normalised(np.array([[0.0, 3, 4], [0, 0, 0]])), [[0, 0.6, 0.8], [0, 0, 0]])
-
-
-def test_cross_products_are_numpys():
     a, b = VECTORS[..., :3]
     np.testing.assert_array_equal(cross(a, b), np.cross(a, b))
     np.testing.assert_array_equal(cross(a, b[0, 0]), np.cross(a, b[0, 0]))
-
-
-def test_the_level_part_lies_across_up():
-    up = normalised(np.array([1.0, 2, 2]))
-    flat = level(VECTORS[0], up)
-    np.testing.assert_allclose(flat @ up, 0, atol=1e-15)
-    np.testing.assert_allclose(np.cross(VECTORS[0] - flat, up), 0, atol=1e-15)
 
 
 @pytest.mark.parametrize("angle", [0.0, 1e-9, 1e-4, 1.0, np.pi / 2, np.pi - 1e-9, np.pi])
@@ -71,22 +55,16 @@ def test_angles_between_vectors_of_any_length_are_exact(angle):
 
 def test_a_vector_of_no_length_is_at_no_angle():
     assert angles_between(np.zeros(3), VECTORS[0, 0, 0]) == 0
+    up = normalised(np.array([1.0, 2, 2]))
+    flat = level(VECTORS[0], up)
+    np.testing.assert_allclose(flat @ up, 0, atol=1e-15)
+    np.testing.assert_allclose(np.cross(VECTORS[0] - flat, up), 0, atol=1e-15)
 
 
 def test_the_ends_of_a_line_come_first_then_its_middle():
     line = np.linspace(0, 1, 101)[:, None]
     assert farthest_points(line, 3).tolist() == [0, 100, 50]
-
-
-def test_few_points_are_all_kept():
     assert sorted(farthest_points(np.eye(3), 10).tolist()) == [0, 1, 2]
-
-
-def test_the_least_rotation_is_that_of_scipy():
-    a, b = np.random.default_rng(0).normal(size=(2, 40, 3))
-    found = Rotation.from_quat(least_rotation(a, b))
-    expected = Rotation.concatenate([Rotation.align_vectors(b[n], a[n])[0] for n in range(len(a))])
-    np.testing.assert_allclose((found * expected.inv()).magnitude(), 0, atol=1e-7)
 
 
 @pytest.mark.parametrize("a", [(0, 0, 2.0), (1.0, -2.0, 0.5), (1.0, 1.0, 1.0), (0, -3.0, 0)])
@@ -97,15 +75,16 @@ def test_opposite_directions_are_half_a_turn_apart(a):
     np.testing.assert_allclose(turn.apply(a), -a, atol=1e-12)
 
 
-def test_a_zero_vector_is_not_turned():
+def test_the_least_rotation_is_that_of_scipy_and_turns_no_zero_vector():
+    a, b = np.random.default_rng(1).normal(size=(2, 5, 1, 3))
+    np.testing.assert_array_equal(best_rotation(a, b), least_rotation(a[:, 0], b[:, 0]))
     none, some = np.zeros((1, 3)), np.ones((1, 3))
     for a, b in ((none, some), (some, none), (none, none)):
         np.testing.assert_array_equal(least_rotation(a, b), [[0, 0, 0, 1]])
-
-
-def test_one_vector_is_fitted_by_the_least_rotation():
-    a, b = np.random.default_rng(1).normal(size=(2, 5, 1, 3))
-    np.testing.assert_array_equal(best_rotation(a, b), least_rotation(a[:, 0], b[:, 0]))
+    a, b = np.random.default_rng(0).normal(size=(2, 40, 3))
+    found = Rotation.from_quat(least_rotation(a, b))
+    expected = Rotation.concatenate([Rotation.align_vectors(b[n], a[n])[0] for n in range(len(a))])
+    np.testing.assert_allclose((found * expected.inv()).magnitude(), 0, atol=1e-7)
 
 
 @pytest.mark.parametrize("vectors", [1, 2, 5])
@@ -146,15 +125,15 @@ def distances_of(x, shots=None, y=0.0):
     return D[:, 0], least[:, 0]
 
 
-def test_what_passes_between_two_frames_is_as_near_as_it_comes():
+def test_what_passes_between_two_frames_is_as_near_as_it_comes_but_not_across_a_cut():
     D, least = distances_of(np.array([-0.5, -0.3, -0.1, 0.1, 0.3, 0.5]), y=0.04)
     np.testing.assert_allclose(D, np.hypot([0.5, 0.3, 0.1, 0.1, 0.3, 0.5], 0.04) / 2)
     np.testing.assert_allclose(least, np.hypot([0.4, 0.2, 0.0, 0.0, 0.2, 0.4], 0.04) / 2)
-
-
-def test_it_is_the_distance_of_the_frame_where_nothing_comes_nearer():
     D, least = distances_of(np.array([0.3, 0.2, 0.2, 0.2, 0.4]))
     np.testing.assert_allclose(least[1:4], D[1:4])
+    x, shots = np.array([-0.4, -0.4, -0.2, 0.2, 0.4]), [0, 0, 0, 1, 1]
+    assert distances_of(x)[1][2] == distances_of(x)[1][3] == 0.0
+    np.testing.assert_allclose(distances_of(x, shots)[1][2:4], 0.1)
 
 
 @pytest.mark.parametrize(("usual", "spike"), [(0.9, 0.0), (0.1, 0.9)])
@@ -164,12 +143,6 @@ def test_a_single_frame_that_jumps_counts_for_nothing_and_several_do(usual, spik
     np.testing.assert_allclose(distances_of(x)[1], usual)
     x[3:6] = 2 * spike
     assert distances_of(x)[1][4] == pytest.approx(spike)
-
-
-def test_nothing_passes_across_a_cut():
-    x, shots = np.array([-0.4, -0.4, -0.2, 0.2, 0.4]), [0, 0, 0, 1, 1]
-    assert distances_of(x)[1][2] == distances_of(x)[1][3] == 0.0
-    np.testing.assert_allclose(distances_of(x, shots)[1][2:4], 0.1)
 
 
 def test_a_motion_comes_as_near_at_any_frame_rate():
@@ -225,9 +198,6 @@ def test_the_mean_of_a_constant_is_the_constant(reach):
 def test_the_mean_of_a_slope_is_the_slope_away_from_the_ends():
     slope = np.linspace(0, 1, 50)[:, None]
     np.testing.assert_allclose(averaged(slope, 6)[6:-6], slope[6:-6])
-
-
-def test_the_mean_is_a_raised_cosine():
     pulse = np.zeros((21, 1))
     pulse[10] = 1.0
     weights = 1 + np.cos(np.pi * np.arange(-4, 5) / 5)
@@ -253,20 +223,14 @@ def test_medians_and_runs_are_those_of_scipy(frames):
     np.testing.assert_array_equal(runs_of(flags[:, 0]), ndimage.label(flags[:, 0])[0])
 
 
-def test_columns_do_not_mix():
-    alone = averaged(NOISE[:, :1], 5)
-    np.testing.assert_array_equal(averaged(NOISE, 5)[:, :1], alone)
-    assert averaged(np.zeros((9, 4, 3)), 2).shape == (9, 4, 3)
-
-
-def test_runs_have_their_means_and_lines_between_them():
+def test_runs_have_their_means_and_lines_between_them_each_column_for_itself():
     values = np.array([9.0, 1.0, 3.0, 9.0, 9.0, 9.0, 8.0, 9.0])[:, None]
     weights = np.array([0.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.0])
     np.testing.assert_allclose(run_means(values, weights)[:, 0], [2, 2, 2, 3.5, 5, 6.5, 8, 8])
-
-
-def test_without_a_run_there_is_the_mean_of_all_frames():
     np.testing.assert_allclose(run_means(np.array([[1.0], [3.0]]), np.zeros(2)), [[2.0], [2.0]])
+    alone = averaged(NOISE[:, :1], 5)
+    np.testing.assert_array_equal(averaged(NOISE, 5)[:, :1], alone)
+    assert averaged(np.zeros((9, 4, 3)), 2).shape == (9, 4, 3)
 
 
 def test_a_smoothed_series_keeps_lines_and_bends_between_known_values():
@@ -278,9 +242,6 @@ def test_a_smoothed_series_keeps_lines_and_bends_between_known_values():
     np.testing.assert_allclose(bent[[10, 190], 0], [1.0, 2.0], atol=1e-3)
     assert np.abs(np.diff(bent[:, 0], 2)).max() < 0.02
     np.testing.assert_array_equal(smoothed(line, np.zeros(200), 12.0), line)
-
-
-def test_a_smoothed_series_has_the_least_sum_of_squares():
     draw = np.random.default_rng(0)
     values, weights = draw.normal(size=(30, 2)), draw.uniform(0.1, 2.0, 30)
     differences = np.diff(np.eye(30), 2, axis=0)

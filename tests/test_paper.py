@@ -122,8 +122,8 @@ def test_stress_of_the_written_motion_is_what_its_positions_say():
     assert result.written_stress[frame] == pytest.approx(sigma / height**2, rel=1e-9)
 
 
-@pytest.mark.parametrize("frame", [0, 7])
-def test_lbfgs_cannot_improve_a_solved_pose(frame):
+def test_lbfgs_cannot_improve_a_solved_pose():
+    frame = 7
     v = SOLVED.pose(frame)
     value, gradient = SOLVED.objective(v, frame)
     start = SOLVED.objective(np.zeros(v.size), frame)[0]
@@ -146,13 +146,7 @@ def test_stiffness_hardly_adds_to_the_stress():
     for frame, sigma in enumerate(stress):
         value = SOLVED.objective(SOLVED.pose(frame), frame)[0]
         assert sigma <= value <= 1.02 * sigma
-
-
-def test_the_root_stays_on_its_path():
     np.testing.assert_allclose(SOLVED.motion.root_positions, SOLVED.copy.root_positions, atol=1e-6)
-
-
-def test_a_guess_that_is_better_than_the_copy_is_used():
     again = solve_poses(SOLVED.clip[:1], SOLVED.poses.v[:1])
     assert again.effort.iterations[0] <= 1 < SOLVED.poses.effort.iterations[0]
     np.testing.assert_allclose(again.v, SOLVED.poses.v[:1], atol=1e-3)
@@ -179,9 +173,6 @@ def test_the_same_skeleton_is_solved_at_the_start():
     assert postures.stress.max() < 1e-24
     assert postures.effort.iterations.max() == 0
     np.testing.assert_allclose(postures.positions, motion.positions, atol=1e-12)
-
-
-def test_every_bone_scaled_by_s_gives_s_times_the_posture():
     motion = swaying(person())
     _, _, postures = solve(motion, motion.skeleton.with_offsets(7.3 * motion.skeleton.offsets))
     assert postures.stress.max() < 1e-24
@@ -191,7 +182,7 @@ def test_every_bone_scaled_by_s_gives_s_times_the_posture():
 def test_stress_agrees_with_lbfgs_from_the_same_start():
     motion = swaying(table_one(), frames=6)
     target = other_lengths(motion.skeleton)
-    for frame in range(6):
+    for frame in (0, 3):
         one = motion[frame : frame + 1]
         problem, copy, postures = solve(one, target)
         delta = problem.ratio * np.linalg.norm(one.positions[0][:, None] - one.positions[0], axis=-1)
@@ -258,6 +249,12 @@ def test_postures_are_never_mirrored():
     problem, copy, postures = solve(motion, other_lengths(motion.skeleton))
     x, c = (y - y.mean(axis=1, keepdims=True) for y in (postures.positions, copy.positions[:, problem.targets]))
     assert np.all(np.linalg.det(x.transpose(0, 2, 1) @ c) > 0)
+    x = np.random.default_rng(3).normal(size=(5, 8, 3))
+    x -= x.mean(axis=1, keepdims=True)
+    turned = x @ Rotation.random(5, rng=np.random.default_rng(1)).as_matrix()
+    np.testing.assert_allclose(aligned(turned, x), x, atol=1e-5)
+    in_mirror = aligned(x * [-1, 1, 1], x)
+    assert np.abs(in_mirror - x).max() > 0.1
 
 
 def test_a_planar_start_leaves_its_plane():
@@ -298,15 +295,6 @@ def test_stress_of_the_solved_points_is_below_that_of_the_copy_and_is_what_the_s
     assert np.all(postures.stress < posture_stress(problem, motion.positions, copy.positions))
 
 
-def test_alignment_is_a_proper_rotation_and_undoes_one():
-    x = np.random.default_rng(3).normal(size=(5, 8, 3))
-    x -= x.mean(axis=1, keepdims=True)
-    turned = x @ Rotation.random(5, rng=np.random.default_rng(1)).as_matrix()
-    np.testing.assert_allclose(aligned(turned, x), x, atol=1e-5)
-    in_mirror = aligned(x * [-1, 1, 1], x)
-    assert np.abs(in_mirror - x).max() > 0.1
-
-
 BODY = person()
 ALL = np.arange(len(BODY))
 
@@ -315,23 +303,17 @@ def copy_of(motion, target):
     return rotation_copy(matched(motion, target), RootScale.even(1.0))
 
 
-def test_the_copys_own_points_give_the_copy():
-    copy = copy_of(swaying(BODY), other_lengths(BODY))
-    result = fit_rotations(copy, copy.positions, ALL, ALL)
-    np.testing.assert_allclose(result.positions, copy.positions, atol=1e-9)
-    np.testing.assert_allclose(result.world_rotations, copy.world_rotations, atol=1e-9)
-
-
-def test_points_that_fit_the_bones_are_reached():
+def test_points_that_fit_the_bones_are_reached_and_others_leave_their_lengths():
     reached = swaying(BODY, seed=5)
     copy = swaying(BODY, seed=6)
     copy = replace(copy, root_positions=reached.root_positions)
     joints = np.flatnonzero(~BODY.end_sites)
     result = fit_rotations(copy, reached.positions, ALL, ALL)
     np.testing.assert_allclose(result.positions[:, joints], reached.positions[:, joints], atol=1e-4)
-
-
-def test_bones_keep_their_lengths_whatever_the_points():
+    copy = copy_of(swaying(BODY), other_lengths(BODY))
+    result = fit_rotations(copy, copy.positions, ALL, ALL)
+    np.testing.assert_allclose(result.positions, copy.positions, atol=1e-9)
+    np.testing.assert_allclose(result.world_rotations, copy.world_rotations, atol=1e-9)
     copy = copy_of(swaying(BODY), other_lengths(BODY))
     points = copy.positions + np.random.default_rng(0).normal(scale=0.2, size=copy.positions.shape)
     bones = np.linalg.norm(

@@ -149,10 +149,6 @@ def test_joints_of_one_region_share_their_hold_on_a_prop_and_those_of_others_do_
     several = touching([0.0] * 16, [0] * 16)
     assert one < several.sum() < 6 * one
     np.testing.assert_allclose(several, several[0])
-
-
-def test_the_hold_on_a_prop_fades_with_the_distance():
-    """Twice over: with the normalised distance, as between joints, and as pairs lose their direction."""
     distance = 2.0 * DIRECTION_RANGE  # [leg lengths]
     near, far = touching([0.0], [0])[0], touching([distance], [0])[0]
     as_of_joints = TOUCH / (TOUCH + distance) * NEAREST / (NEAREST + distance)
@@ -235,9 +231,6 @@ def test_a_prop_has_the_points_of_its_file():
     expected = [[x, y, z] for x in (0, 1) for y in (1, 2) for z in (-1, 0)]
     np.testing.assert_allclose(sorted(points.tolist()), expected)
     assert motion.skeleton.lengths[1:].max() == 1.0
-
-
-def test_a_prop_survives_a_bvh_file():
     motion = static_prop(parse_obj(CUBE, "cube.obj")[0], "cube")
     back = parse_bvh(format_bvh(motion), "cube.bvh")
     np.testing.assert_allclose(sorted(back.positions[0].tolist()), sorted(motion.positions[0].tolist()), atol=1e-6)
@@ -301,25 +294,16 @@ def test_the_distance_from_a_box_is_known(order):
     np.testing.assert_allclose(height(surface, x), known, atol=1e-4)
 
 
-def test_a_sheet_has_two_sides():
+def test_sheets_have_two_sides_points_stand_alone_and_nothing_is_near_beyond_the_farthest():
     surface = PropSurface.of_mesh(CORNERS, [[0, 1, 4], [1, 5, 4]])  # y = 0
     assert not surface.closed.any()
     np.testing.assert_allclose(height(surface, np.array([[1.0, 0.5, 1.0], [1.0, -0.5, 1.0]])), [0.5, 0.5])
-
-
-def test_faces_that_do_not_agree_where_out_is_are_sheets():
     mixed = outwards(CORNERS, TRIANGLES)
     mixed[0] = mixed[0, ::-1]
     assert not PropSurface.of_mesh(CORNERS, mixed).closed.any()
-
-
-def test_points_without_faces_stand_alone():
     surface = PropSurface.of_mesh(CORNERS, np.zeros((0, 3), int))
     feet, out = surface.nearest(np.array([[2.5, 1.0, 3.0]]), 5.0)
     np.testing.assert_allclose([feet[0], out[0]], [[2, 1, 3], [1, 0, 0]])
-
-
-def test_nothing_is_near_beyond_the_farthest():
     assert np.isnan(PropSurface.of_mesh(CORNERS, TRIANGLES).nearest(np.array([[50.0, 0.0, 0.0]]), 5.0)[0]).all()
 
 

@@ -287,7 +287,7 @@ def test_of_a_file_with_z_up_y_is_up(opened):
     np.testing.assert_allclose(shown - shown[0], expected - expected[0], atol=OFF)
 
 
-def test_it_plays_in_real_time_and_stops(opened):
+def test_it_plays_in_real_time_stops_and_loops_and_the_space_bar_on_a_button_presses_it_only(opened):
     tab = opened()
     tab.select_option("#speed", "4")
     shown = tab.evaluate("(setPlaying(true), tick(before + 250), app.clock.frame)")
@@ -298,10 +298,6 @@ def test_it_plays_in_real_time_and_stops(opened):
     stopped = frame(tab)
     settle(tab)
     assert frame(tab) == stopped
-
-
-def test_a_loop_is_played_again_and_again(opened):
-    tab = opened()
     for number in (40, 50):
         tab.evaluate("number => app.goTo(number)", number)
         tab.click("#loop")
@@ -310,6 +306,10 @@ def test_a_loop_is_played_again_and_again(opened):
         assert 40 <= tab.evaluate("passed => (advanced(passed))", passed) <= 50
     tab.click("#loop")
     assert tab.inner_text("#loop") == "Loop"
+    tab.focus("#overlaid")
+    tab.keyboard.press("Space")
+    assert tab.get_attribute("#overlaid", "aria-pressed") == "true"
+    assert tab.get_attribute("#play", "aria-label") == "Play"
 
 
 def test_keys_move_the_frame_and_the_camera(opened):
@@ -351,22 +351,20 @@ def test_keys_move_the_frame_and_the_camera(opened):
     assert tab.get_attribute("#play", "aria-label") == "Stop"
 
 
-def test_the_space_bar_on_a_button_presses_it_only(opened):
-    tab = opened()
-    tab.focus("#overlaid")
-    tab.keyboard.press("Space")
-    assert tab.get_attribute("#overlaid", "aria-pressed") == "true"
-    assert tab.get_attribute("#play", "aria-label") == "Play"
+TO = """hash => new Promise(heard => {
+    addEventListener('hashchange', () => heard(), {once: true});
+    location.hash = hash;
+})"""
 
 
 def test_a_link_leads_to_a_frame_and_the_address_follows(opened):
     tab = opened()
-    tab.evaluate("location.hash = '#frame=66'")
+    tab.evaluate(TO, "#frame=66")
     assert frame(tab) == 66
     tab.keyboard.press("ArrowRight")
     assert tab.evaluate("location.hash") == "#frame=67"
     for other in ("#frame=99999", "#frame=-1", "#frame=x"):
-        tab.evaluate("hash => { location.hash = hash; }", other)
+        tab.evaluate(TO, other)
     assert frame(tab) == tab.evaluate("app.clock.count - 1")
 
 
@@ -441,7 +439,7 @@ def elements(content, at=0):
 
 
 def test_a_film_has_each_frame_once_and_at_its_time(opened, tmp_path):
-    tab = opened()
+    tab = opened("Z up")
     if not tab.evaluate("Boolean(globalThis.VideoEncoder)"):
         pytest.skip("this browser codes no films")
     count, step = tab.evaluate("[app.clock.count, app.clock.frameTime]")
@@ -558,6 +556,8 @@ def test_the_player_fills_the_screen_and_leaves_it(opened):
         tab.wait_for_function(f"({shown}) === {json.dumps(expected)}")
         settle(tab)
         assert tab.evaluate("$('stage-box').scrollHeight") <= 768
+    box = tab.locator(".transport").bounding_box()
+    assert box["y"] + box["height"] <= 768
 
 
 def test_nothing_moves_by_itself_for_those_who_prefer_no_motion(opened):
@@ -565,12 +565,6 @@ def test_nothing_moves_by_itself_for_those_who_prefer_no_motion(opened):
     moving = "[...document.querySelectorAll('*')].some(one => parseFloat(getComputedStyle(one).transitionDuration) > 0)"
     assert not tab.evaluate(moving)
     assert not tab.evaluate("app.clock.playing")
-
-
-def test_the_player_and_its_controls_are_on_the_first_screen(opened):
-    tab = opened(width=1360, height=768)
-    box = tab.locator(".transport").bounding_box()
-    assert box["y"] + box["height"] <= 768
 
 
 def rounded(text):
@@ -585,7 +579,34 @@ def assert_shown(text, value):
     assert number == pytest.approx(value, abs=most)
 
 
-def test_the_cards_show_the_metrics_and_their_limits(opened):
+def assert_inside(one, other):
+    """That one element lies in another, within a pixel."""
+    inner, outer = one.bounding_box(), other.bounding_box()
+    for side, size in (("x", "width"), ("y", "height")):
+        assert outer[side] - 1 <= inner[side]
+        assert inner[side] + inner[size] <= outer[side] + outer[size] + 1
+
+
+def test_a_run_opens_with_its_verdict_and_controls_with_names(opened):
+    tab, run = opened(), sample()
+    assert tab.inner_text("#verdict") == run.verdict
+    assert tab.locator("#warnings li").all_inner_texts() == [*run.warnings]
+    assert tab.inner_text("#title") == "result clap_hero.glb against source clap.bvh" == tab.title()
+    diffed = opened("no contacts")
+    assert not diffed.locator("#verdict").is_visible()
+    assert diffed.inner_text("#contacts") == "No two regions of the body touch in A."
+    assert "B moves like A in every frame" in diffed.locator("#worst p").inner_text()
+    unnamed = """() => [...document.querySelectorAll("button, input, select, summary, a[href], [tabindex='0']")]
+        .filter(one => !(one.getAttribute('aria-label') || one.textContent.trim())).map(one => one.outerHTML)"""
+    assert not tab.evaluate(unnamed)
+    snapshot = tab.locator("body").aria_snapshot()
+    assert not re.search(r"- (button|slider|combobox|link)\s*$", snapshot, re.MULTILINE)
+    assert 'combobox "Speed"' in snapshot
+    assert "frame 0" in tab.get_attribute("#player", "aria-label")
+    assert "pinch zooms" in tab.evaluate("$($('player').getAttribute('aria-describedby')).textContent")
+
+
+def test_cards_show_metrics_and_limits_inside_them_and_rows_their_values(opened):
     tab, run = opened(), sample()
     values = document(run_diff(run), About(a="", b="", rotation_copy=run.tracks["rotation_copy"]))["metrics"]
     first = metrics_at("card")
@@ -605,11 +626,6 @@ def test_the_cards_show_the_metrics_and_their_limits(opened):
     lines = [line for line in tab.locator(".limit").all_inner_texts() if "limit" in line]
     assert lines[0] == "✓ within limit 0.5"
     assert any(line.startswith("✗ over limit ") for line in lines)
-
-
-def test_every_word_of_a_limit_stands_in_its_card_and_every_value_in_its_row(opened):
-    """Of metrics within their limits and over them."""
-    tab = opened()
     tab.evaluate("for (const one of document.querySelectorAll('.timeline .value')) one.className = 'value over'")
     words = {"within": 0, "over": 0}
     for card in tab.locator(".metric").all():
@@ -622,25 +638,6 @@ def test_every_word_of_a_limit_stands_in_its_card_and_every_value_in_its_row(ope
     for name, value in zip(*rows, strict=True):
         beside, own = name.bounding_box(), value.bounding_box()
         assert beside["y"] - 1 <= own["y"] + own["height"] / 2 <= beside["y"] + beside["height"] + 1
-
-
-def assert_inside(one, other):
-    """That one element lies in another, within a pixel."""
-    inner, outer = one.bounding_box(), other.bounding_box()
-    for side, size in (("x", "width"), ("y", "height")):
-        assert outer[side] - 1 <= inner[side]
-        assert inner[side] + inner[size] <= outer[side] + outer[size] + 1
-
-
-def test_a_run_opens_with_its_verdict(opened):
-    tab, run = opened(), sample()
-    assert tab.inner_text("#verdict") == run.verdict
-    assert tab.locator("#warnings li").all_inner_texts() == [*run.warnings]
-    assert tab.inner_text("#title") == "result clap_hero.glb against source clap.bvh" == tab.title()
-    diffed = opened("no contacts")
-    assert not diffed.locator("#verdict").is_visible()
-    assert diffed.inner_text("#contacts") == "No two regions of the body touch in A."
-    assert "B moves like A in every frame" in diffed.locator("#worst p").inner_text()
 
 
 def test_one_frame_has_nothing_to_play(opened):
@@ -658,18 +655,6 @@ def test_names_are_text(opened):
     assert f"1 joint of B without a counterpart in A: {MARKUP}." in tab.inner_text("#notes")
     assert tab.inner_text("code") == MARKUP
     assert not tab.evaluate("[...document.querySelectorAll('b')].filter(one => !one.closest('.readout')).length")
-
-
-def test_every_control_has_a_name(opened):
-    tab = opened()
-    unnamed = """() => [...document.querySelectorAll("button, input, select, summary, a[href], [tabindex='0']")]
-        .filter(one => !(one.getAttribute('aria-label') || one.textContent.trim())).map(one => one.outerHTML)"""
-    assert not tab.evaluate(unnamed)
-    snapshot = tab.locator("body").aria_snapshot()
-    assert not re.search(r"- (button|slider|combobox|link)\s*$", snapshot, re.MULTILINE)
-    assert 'combobox "Speed"' in snapshot
-    assert "frame 0" in tab.get_attribute("#player", "aria-label")
-    assert "pinch zooms" in tab.evaluate("$($('player').getAttribute('aria-describedby')).textContent")
 
 
 def test_screen_readers_are_not_told_of_every_frame(opened):

@@ -25,12 +25,9 @@ def test_root_scale_is_the_ratio_of_leg_lengths():
     assert find_root_scale(matched(body, target)) == pytest.approx(0.6)
 
 
-def test_root_scale_of_bodies_without_legs_is_the_ratio_of_their_longest_paths():
+def test_root_scale_of_bodies_without_legs_is_the_ratio_of_the_longest_paths_that_both_have():
     body = chain()
     assert find_root_scale(matched(body, body.with_offsets(3 * body.offsets))) == pytest.approx(3.0)
-
-
-def test_root_scale_of_bodies_without_legs_counts_the_paths_that_both_have():
     body = chain()
     longer = replace(body, offsets=body.offsets * [[1], [2], [5]])
     assert find_root_scale(matched(body, longer, {"c": None})) == pytest.approx(2.0)
@@ -55,17 +52,11 @@ def test_a_body_without_legs_keeps_the_path_of_the_copy():
     np.testing.assert_array_equal(root_path(copy, matching, RootScale.even(2.0)), 2 * source.root_positions)
 
 
-def test_who_walks_can_take_somewhat_longer_strides():
+def test_strides_may_be_somewhat_longer_than_steps_and_far_longer_where_nobody_walks():
     motion = sample("walk")
     assert 1.2 < longest_strides(matched(motion, motion)) < 2.0
-
-
-def test_who_stands_can_step_far():
     motion = sample("wave")
     assert longest_strides(matched(motion, motion)) > 4.0
-
-
-def test_where_no_foot_rests_anything_goes():
     body = swaying(person(), frames=8)
     assert longest_strides(matched(body, body)) == np.inf
 

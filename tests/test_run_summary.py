@@ -130,9 +130,6 @@ def test_the_line_gives_each_metric_for_copy_and_result():
     assert f"direction error [°] 0.0 / {result['direction_error']:.1f}" in line
     for metric in metrics_at("line"):
         assert f"{metric.brief(baseline[metric.key])} / {metric.brief(result[metric.key])}" in line
-
-
-def test_only_the_papers_objective_has_stress_of_solved_points():
     result = run("paper")
     assert f"stress of the solved points {1e3 * result.free_stress.mean():.2f};" in metrics_line(result)
     assert "solved points" not in metrics_line(run())
@@ -142,9 +139,6 @@ def test_the_line_of_a_run_has_its_time_and_its_verdict():
     made = run()
     assert summary_line(made, 1.234) == f"{FRAMES} frames in 1.23 s. {made.verdict}"
     assert document(made)["verdict"] == made.verdict
-
-
-def test_a_good_run_has_nothing_to_warn_of():
     assert list(run().warnings) == document(run())["warnings"] == []
 
 
@@ -190,9 +184,6 @@ def test_an_ankle_that_stands_for_its_toe_is_named_once():
     (line,) = result_with(supports=replace(supports, joints=ankles, places=places)).warnings
     named = re.search(r"\): (.*); most", line)[1].split(", ")
     assert len(named) == len(set(named)) == len(np.unique(ankles))
-
-
-def test_feet_in_the_air_have_no_place_to_miss():
     result = run()
     places, weights = np.array(result.supports.places) + 1.0, np.zeros_like(result.supports.weights)
     assert list(result_with(supports=replace(result.supports, places=places, weights=weights)).warnings) == []

@@ -81,22 +81,16 @@ def test_no_foot_is_below_the_floor(path):
         assert heel[:, 1].min() > -0.01
 
 
-def test_a_clap_brings_the_wrists_together():
+def test_claps_turns_and_bodies_are_what_they_are_called():
     motion = sample("clap")
     shoulder, wrist = map(motion.skeleton.index, ("LeftShoulder", "LeftWrist"))
     arm = motion.skeleton.paths_from(shoulder)[wrist]
     gap = np.linalg.norm(joint(motion, "LeftWrist") - joint(motion, "RightWrist"), axis=1)
     assert gap.min() / arm == pytest.approx(0.04, abs=0.002)
-
-
-def test_the_turn_goes_once_round_on_both_bodies():
     source = sample("turn")
     result = retarget(source, sample_target("child").skeleton).motion
     assert heading(source)[-1] == pytest.approx(360, abs=0.01)
     assert heading(result)[-1] == pytest.approx(360, abs=0.1)
-
-
-def test_the_long_spine_is_60_percent_longer():
     body = sample("walk").skeleton
     longer = sample_target("long_spine").for_source(body).skeleton
     spine = body.paths_from(0)[body.index("Neck")]

@@ -80,7 +80,7 @@ def test_they_part_before_they_have_to_and_slowly():
     assert parted[0] < 0.01
 
 
-@pytest.mark.parametrize("name", ["waltz", "lift"])
+@pytest.mark.parametrize("name", ["lift"])
 def test_on_both_feet_they_part_by_a_fiftieth_of_a_body_a_second_at_most(monkeypatch, name):
     allowed = []
 

@@ -117,9 +117,6 @@ def test_thick_performers_who_never_meet_move_as_alone():
     apart = retarget_scene([one, other], [body] * 2, skin="average").results[0].motion
     alone = retarget(one, body, Options(skin="average")).motion
     np.testing.assert_allclose(apart.positions, alone.positions, atol=1e-6)
-
-
-def test_performers_have_skins_of_their_own():
     body = sources("handshake")[0].rigid_skeleton
     fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_build("adult").parts.items()})
     given = {"skin": ["auto", "average"], "builds": [Builds(target=fat), Builds()]}

@@ -102,7 +102,11 @@ def test_a_rest_pose_along_one_axis_alone_leaves_the_sides_to_the_order_of_the_f
     assert {role: names[role] for role in ("hips", "head", "neck")} == {"hips": "Hips", "head": "Head", "neck": "Neck"}
 
 
-def test_scale_and_turn_change_nothing():
+def test_a_mirror_swaps_the_sides():
+    motion = mirrored(swaying(person(), angle=0.3))
+    expected = by_shape(person()).mirrored.roles
+    assert by_shape(motion.skeleton).roles == expected
+    assert by_shape(lying(motion.skeleton), motion.positions).roles == expected
     motion = swaying(person(), angle=0.3)
     expected = by_shape(lying(person()), motion.positions).roles
     assert expected == by_shape(person()).roles
@@ -111,13 +115,6 @@ def test_scale_and_turn_change_nothing():
     assert by_shape(lying(other.skeleton), other.positions).roles == expected
     rest = person().with_offsets(TURN.apply(np.array(person().offsets)))
     assert by_shape(rest).roles == expected
-
-
-def test_a_mirror_swaps_the_sides():
-    motion = mirrored(swaying(person(), angle=0.3))
-    expected = by_shape(person()).mirrored.roles
-    assert by_shape(motion.skeleton).roles == expected
-    assert by_shape(lying(motion.skeleton), motion.positions).roles == expected
 
 
 STRAIGHT_FEET = sided({"LeftToe": ("LeftAnkle", (0, -0.1, 0)), "LeftToe_End": ("LeftToe", (0, -0.1, 0))})
@@ -260,9 +257,6 @@ def test_what_is_absent_is_left_out():
     body = in_order(bones)
     absent = {"neck", *(f"{side}{role}" for side in SIDES for role in ("Shoulder", "Toes"))}
     assert named(body, by_shape(body)) == {role: name for role, name in PERSON.items() if role not in absent}
-
-
-def test_without_end_sites():
     body = in_order(without("_End"))
     assert named(body, by_shape(body)) == PERSON
 
@@ -325,9 +319,6 @@ def test_random_trees_are_no_human_bodies():
         count = int(draw.integers(2, 40))
         parents = np.array([-1, *(draw.integers(max(0, k - 4), k) for k in range(1, count))])
         assert by_shape(tree_of(draw.normal(size=(count, 3)), parents=parents)) is None
-
-
-def test_a_motion_without_frames_is_no_motion():
     assert by_shape(lying(person()), np.empty((0, len(person()), 3))) is not None
 
 

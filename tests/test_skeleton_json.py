@@ -278,9 +278,6 @@ def test_parents_tell_joints_of_one_name_apart(reference, meant):
 
 def test_only_the_joints_so_far_are_meant():
     assert meant_by("Hand", NAMES, PARENTS[:3]) == [2]
-
-
-def test_a_whole_path_means_its_joint_though_a_part_of_another_path_looks_the_same():
     assert meant_by("a/b", ("a", "b", "a", "b"), (-1, 0, 1, 2)) == [1]
 
 
@@ -434,18 +431,12 @@ def test_short_form_without_edits_is_the_source(written):
     assert_same(load_target(written(short())).for_source(table_one()).skeleton, table_one())
 
 
-def test_scale_takes_the_root_offset_along():
+def test_edits_scale_the_root_offset_name_end_sites_and_need_bones_of_a_length():
     source = table_one().with_offsets(table_one().offsets + 1)
     np.testing.assert_array_equal(SkeletonEdit(2, {}, {}, "").apply(source).offsets, 2 * source.offsets)
-
-
-def test_edits_name_end_sites():
     source = load_json(json.dumps(full(HIPS, SPINE, HEAD_END)))
     edited = SkeletonEdit(1, {"Spine_End": 9}, {}, "").apply(source)
     np.testing.assert_allclose(edited.lengths, [0, 24, 9])
-
-
-def test_bones_without_length_cannot_be_edited():
     offsets = table_one().offsets.copy()
     offsets[2] = 0
     for edit in (SkeletonEdit(1, {"Chest2": 1}, {}, "a.json"), SkeletonEdit(1, {}, {"Chest2": 2}, "a.json")):

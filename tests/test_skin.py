@@ -282,9 +282,6 @@ def test_hands_that_are_apart_are_off_by_their_gap_whatever_else_the_arms_have()
     gap = np.linalg.norm(apart.positions[0, HANDS[0]] - apart.positions[0, HANDS[1]]) - 2 * HAND
     assert gap > 0.1
     np.testing.assert_allclose(found.gap_error[0, :2], np.minimum(100 / BODY.height * gap, FARTHEST), rtol=0.05)
-
-
-def test_forearms_that_touch_in_the_source_may_touch_by_their_hands():
     clap = arms_in_front(110)
     source_skin, skin = find_skin(BODY, with_forearms(1.0)), find_skin(BODY, with_forearms(0.2))
     found = measured(skin, clap, source_skin, clap)

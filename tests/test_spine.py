@@ -108,22 +108,25 @@ def test_chains_of_as_many_joints_go_one_to_one(count):
     np.testing.assert_array_equal(matching.blend, 0)
 
 
-def test_five_joints_over_three_and_three_over_five():
+def test_known_numbers_of_joints_are_spread_evenly():
     three, five = person(3), other_person(5)
     found = places(found_matching(three, five), chain(five, "Back"), chain(three, "Spine"))
     np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)
     three, five = other_person(3), person(5)
     found = places(found_matching(five, three), chain(three, "Back"), chain(five, "Spine"))
     np.testing.assert_allclose(found, [1 / 3, 2, 11 / 3], atol=1e-12)
-
-
-def test_one_joint_turns_all_three_and_three_turn_one_by_the_middle():
     one, three = person(1), other_person(3)
     np.testing.assert_array_equal(
         found_matching(one, three).rotation_sources[chain(three, "Back")], one.index("Spine0")
     )
     one, three = other_person(1), person(3)
     np.testing.assert_allclose(places(found_matching(three, one), chain(one, "Back"), chain(three, "Spine")), [1])
+    source, target = person(3), other_person(5)
+    offsets = np.array(target.offsets)
+    offsets[[*chain(target, "Back"), target.index("Nape0")]] = 0.0
+    matching = found_matching(source, target.with_offsets(offsets))
+    found = places(matching, chain(target, "Back"), chain(source, "Spine"))
+    np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)
 
 
 @numbers
@@ -171,12 +174,3 @@ def test_given_pairs_stay_as_they_are():
     rest = [joint for joint in range(len(target)) if joint not in (given, none)]
     np.testing.assert_array_equal(matching.rotation_sources[rest], plain.rotation_sources[rest])
     np.testing.assert_array_equal(matching.blend[rest], plain.blend[rest])
-
-
-def test_a_spine_without_lengths_is_spread_evenly():
-    source, target = person(3), other_person(5)
-    offsets = np.array(target.offsets)
-    offsets[[*chain(target, "Back"), target.index("Nape0")]] = 0.0
-    matching = found_matching(source, target.with_offsets(offsets))
-    found = places(matching, chain(target, "Back"), chain(source, "Spine"))
-    np.testing.assert_allclose(found, [0, 0.4, 1, 1.6, 2], atol=1e-12)

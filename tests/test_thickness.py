@@ -185,18 +185,12 @@ def test_every_joint_of_a_person_is_in_the_segment_of_its_role():
     assert spine[-1] == "chest"
 
 
-def test_an_average_body_has_all_segments():
+def test_an_average_body_has_all_segments_of_the_sizes_of_people():
     assert {SEGMENTS[each] for each in capsules_of(BODY).segments} == {*SEGMENTS} - {"belly"}
     assert {SEGMENTS[each] for each in capsules_of(HERO_BODY).segments} == {*SEGMENTS}
-
-
-def test_an_average_trunk_is_about_as_deep_as_people_are():
     capsules = capsules_of(HERO_BODY)
     belly = capsules.radii[capsules.segments == SEGMENTS.index("belly")]
     assert 0.1 < 2 * belly.mean() / HERO_BODY.height < 0.16
-
-
-def test_an_average_hand_is_about_as_long_as_hands_are():
     capsules, wrist = capsules_of(BODY), BODY.anatomy.roles["leftHand"]
     ends = in_world(capsules, PERSON) - PERSON.rest_positions[wrist]
     on = capsules.segments == SEGMENTS.index("left hand")
@@ -222,15 +216,9 @@ def test_an_average_body_scales_and_is_symmetric():
     for name in SEGMENTS[:12:2]:
         left, right = (one.segments == SEGMENTS.index(name.replace("left", side)) for side in ("left", "right"))
         np.testing.assert_allclose(ends[left] * [-1, 1, 1], ends[right], atol=1e-9 * HEIGHT)
-
-
-def test_long_arms_are_not_thicker():
     long = PERSON.with_offsets(np.where([["Elbow" in n or "Wrist" in n] for n in PERSON.names], 2, 1) * PERSON.offsets)
     one, other = capsules_of(BODY), capsules_of(Body.of(long))
     np.testing.assert_allclose(one.radii, other.radii, rtol=1e-9)
-
-
-def test_an_average_body_without_end_sites_has_hands_feet_and_head():
     capsules = capsules_of(Body.of(taken(PERSON, np.flatnonzero(~PERSON.end_sites))))
     assert {SEGMENTS[each] for each in capsules.segments} == {*SEGMENTS} - {"belly"}
     assert np.isfinite(capsules.ends).all()

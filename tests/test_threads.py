@@ -34,13 +34,7 @@ def test_calls_run_side_by_side(monkeypatch):
 def test_an_error_of_a_call_reaches_the_caller():
     with pytest.raises(ZeroDivisionError):
         list(in_threads(lambda x: 1 // x, [1, 0, 2]))
-
-
-def test_without_calls_there_are_no_results():
     assert list(in_threads(pow, [], [])) == []
-
-
-def test_there_is_a_core():
     assert cores() >= 1
 
 

@@ -49,9 +49,6 @@ def test_a_clap_that_meets_is_right_however_far_hands_are_apart_before_and_after
     assert GAP.of_clip(tracks) == pytest.approx((1.0 + 0.1 + 0.0 + 0.1 + 1.0) / 5)
     assert GAP.worst(tracks) == (2, "left hand")
     assert np.isfinite(GAP.over_time(tracks, 10)).tolist() == [False, False, *[True] * 5, False, False, False]
-
-
-def test_a_clap_that_does_not_meet_is_off():
     off = np.array([[5.0], [4.0], [4.0], [4.0], [5.0]])
     assert GAP.of_clip({"skin_gap": Track(off, off > 0)}) == pytest.approx(4.0)
 
@@ -104,9 +101,6 @@ def test_touches_pass_by_if_they_are_fast_on_average_while_they_last():
     passes = passing(speed, rows, of, height=1.0)
     np.testing.assert_array_equal(passes, [False, False, False, True, True, False, False])
     np.testing.assert_array_equal(passing(2.0 * speed, rows, of, height=2.0), passes)
-
-
-def test_a_clip_of_one_frame_has_no_speed():
     alone = relative_speeds(spinning([0.3]), np.array([0]), np.array([HAND]), np.array([HIPS]))
     np.testing.assert_array_equal(alone, [0.0])
 

@@ -112,14 +112,11 @@ def test_hips_that_are_off_are_named_with_their_frame_and_are_over_the_limit():
     assert "hips height kept within 7.2 % of a leg" in said(GOOD | {"hips_height_largest": 7.2, "hips_height": 1.0})
 
 
-def test_nothing_measured_claims_nothing():
-    empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
-    assert said({}, tracks=empty) == "There are no self-contacts to keep; no foot is planted in the source."
-
-
 def test_metrics_over_their_limits_are_named_once():
     text = said(GOOD | {"foot_height": 9.0, "pop": 2.0}, {"foot_height": 1.0})
     assert text.endswith(". Check: foot height, pops.")
+    empty = {"direction_error": Track(np.zeros((3, 0))), "hips_height": Track(np.zeros((3, 0)))}
+    assert said({}, tracks=empty) == "There are no self-contacts to keep; no foot is planted in the source."
 
 
 def lines(result, copy=None, source=None, tracks=None):
@@ -149,11 +146,6 @@ def test_a_metric_above_its_limit_names_value_frame_and_part_and_the_cause_if_on
     assert line.endswith("worst in frame 1, RightFoot; cause: the leg is straight")
 
 
-def test_only_what_was_measured_can_be_the_worst():
-    track = Track(np.array([[np.nan, 2.0], [9.0, 1.0]]), np.array([[False, True], [False, True]]), ("a", "b"))
-    assert BY_KEY["foot_height"].worst({"foot_height": track}) == (0, "b")
-
-
 def test_limits_of_source_and_copy():
     tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "foot_skate": Track(np.array([[0.0, 0.1]]))}
     assert lines({"jerk": 4.6}, {"jerk": 1.0}, tracks=tracks) == ["jerk 4.6 body sizes/s³, limit 4.5; worst in frame 1"]
@@ -163,13 +155,12 @@ def test_limits_of_source_and_copy():
     assert line.startswith("foot skate 0.2 leg lengths/s, limit 0.135; worst in frame 0")
 
 
-def test_metrics_worse_than_the_copy_but_within_their_limits_are_no_warning():
+def test_metrics_within_their_limits_or_not_measured_are_no_warning():
     result = {"foot_height": 0.5, "hips_height": 2.0, "jerk": 9.0}
     assert lines(result, {"foot_height": 0.1, "hips_height": 0.5, "jerk": 8.0}) == []
-
-
-def test_nothing_measured_needs_no_look():
     assert lines({}) == []
+    track = Track(np.array([[np.nan, 2.0], [9.0, 1.0]]), np.array([[False, True], [False, True]]), ("a", "b"))
+    assert BY_KEY["foot_height"].worst({"foot_height": track}) == (0, "b")
 
 
 def test_every_limit_says_what_it_means():
@@ -251,9 +242,6 @@ def test_alignment_is_blamed_on_rest_poses_alone_in_which_nobody_stands():
 def test_a_solver_that_stopped_says_after_how_many_steps():
     known = causes()
     assert known.of(BY_KEY["not_converged"], 3, "") == f"the solver stopped after {known.effort.iterations[3]} steps"
-
-
-def test_of_what_has_no_part_or_no_limb_nothing_is_said():
     assert causes().of(BY_KEY["jerk"], 0, "") == causes().of(BY_KEY["turn"], 0, "Neck") == ""
 
 
@@ -274,29 +262,20 @@ def limit(**others):
     return Limit(reason="-", **others)
 
 
-def test_keys_are_names_that_stand_once():
+def test_the_registry_has_known_choices_and_a_track_for_each_metric():
     assert len(BY_KEY) == len(METRICS)
     for one in METRICS:
         assert re.fullmatch(r"[a-z][a-z0-9_]*", one.key)
         assert not one.key.endswith(tuple(filter(None, SUFFIXES.values())))
-
-
-def test_every_metric_has_a_track_and_every_track_a_metric():
     found = diff(swaying(person(), 6, seed=1), swaying(person(), 6, seed=2))
     assert set(found.tracks) == {one.track or one.key for one in METRICS}
     assert set(found.comparison.source_tracks) == {one.key for one in METRICS if one.of_source}
-
-
-def test_the_choices_of_the_registry_are_known():
     types = get_type_hints(Metric)
     for one in METRICS:
         assert one.reduction in get_args(types["reduction"])
         assert one.judged in get_args(types["judged"])
         assert {*one.places} <= {*get_args(get_args(types["places"])[0])}
         assert one.limit is None or one.limit.of in get_args(get_type_hints(Limit)["of"])
-
-
-def test_a_metric_may_be_missing_where_the_source_is_needed():
     for one in METRICS:
         assert one.missing or one.judged == "value"
 
@@ -324,12 +303,6 @@ def test_no_other_file_has_labels_units_or_meanings_of_its_own(path):
 # ---- from tracks to metrics
 
 
-def test_a_mean_is_pooled_over_all_measurements():
-    track = {"gap": Track(np.array([6.0, 0.0, 1.0]), np.array([3, 0, 1]))}
-    assert metric().of_clip(track) == 7 / 4
-    np.testing.assert_array_equal(metric().over_time(track, FRAMES), [2, np.nan, 1, np.nan, np.nan])
-
-
 def test_only_what_counts_is_reduced():
     values, stance = np.array([[1.0, 9.0], [9.0, 9.0], [2.0, 3.0]]), np.array([[1, 0], [0, 0], [1, 1]], bool)
     track = {"gap": Track(values, stance)}
@@ -341,17 +314,22 @@ def test_only_what_counts_is_reduced():
     np.testing.assert_array_equal(metric(reduction="worst part").over_time(track, 3), [1, np.nan, 3])
 
 
-def test_the_largest_is_at_least_zero():
+def test_means_largest_values_percentiles_and_counts_of_frames_are_known():
     track = {"gap": Track(np.array([[-2.0, -1.0]]))}
     assert metric(reduction="largest").of_clip(track) == 0
     np.testing.assert_array_equal(metric(reduction="largest").over_time(track, 1), [0])
-
-
-def test_a_percentile_is_of_another_track_and_has_no_frames():
+    track = {"gap": Track(np.array([6.0, 0.0, 1.0]), np.array([3, 0, 1]))}
+    assert metric().of_clip(track) == 7 / 4
+    np.testing.assert_array_equal(metric().over_time(track, FRAMES), [2, np.nan, 1, np.nan, np.nan])
     one = metric(key="gap_p99", track="gap", reduction="percentile 99")
     values = np.random.default_rng(0).normal(size=(FRAMES, 7))
     assert one.of_clip({"gap": Track(values)}) == np.percentile(values, 99)
     assert not one.of_frames
+    one = metric(reduction="frames")
+    track = {"gap": Track(np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 1.0]]))}
+    assert one.of_clip(track) == 2
+    np.testing.assert_array_equal(one.over_time(track, 4), [1, 0, 1, np.nan])
+    assert one.of_clip({"gap": Track(np.zeros(3))}) == 0
 
 
 def test_frames_carry_the_suffix_of_their_side():
@@ -400,11 +378,3 @@ def test_a_metric_is_worse_than_the_copy_beyond_what_is_too_small_to_look_at():
     assert [rival.worse_than_copy(of_sides(1.2, copy)) for copy in (1.0, 1.15, None)] == [True, False, False]
     assert not metric(least=0.1).worse_than_copy(of_sides(1.2, 1.0))
     assert not rival.worse_than_copy({"result": {"gap": 9.0}})
-
-
-def test_frames_are_counted_in_which_any_value_is_above_zero():
-    one = metric(reduction="frames")
-    track = {"gap": Track(np.array([[0.0, 2.0], [0.0, 0.0], [3.0, 1.0]]))}
-    assert one.of_clip(track) == 2
-    np.testing.assert_array_equal(one.over_time(track, 4), [1, 0, 1, np.nan])
-    assert one.of_clip({"gap": Track(np.zeros(3))}) == 0

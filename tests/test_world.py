@@ -32,10 +32,6 @@ def near(found, expected, relative=1e-6):
     np.testing.assert_allclose(found, expected, rtol=0, atol=relative * size)
 
 
-def test_a_motion_in_another_world_has_its_postures():
-    near(in_world(short_walk(), onto("Z"), 0.5).positions, 0.5 * spun(onto("Z"), short_walk().positions))
-
-
 def test_y_up_and_facing_z_becomes_z_up_and_facing_minus_y_and_back():
     there = World("Y", "Z", "replaced").turned(short_walk())
     np.testing.assert_allclose(spun(onto("Z"), [0, 0, 1]), [0, -1, 0], atol=1e-12)
@@ -76,8 +72,9 @@ def test_postures_and_heading_on_another_body(convention):
     assert ahead @ (axis_vector("-Y") if body.up == "Z" else axis_vector("Z")) > 0.99
 
 
-@pytest.mark.parametrize("unit", UNITS)
-@pytest.mark.parametrize("target_unit", UNITS)
+@pytest.mark.parametrize(
+    ("unit", "target_unit"), [("mm", "m"), ("m", "mm"), ("cm", "inches"), ("inches", "cm"), ("m", "m")]
+)
 def test_units_do_not_matter(unit, target_unit):
     body = rig("lafan1", "T")
     scale = UNITS[target_unit]
@@ -177,10 +174,15 @@ def test_the_feet_show_whether_the_root_offset_is_added_or_replaced(up, added):
     near(result.motion.positions, short_walk().positions)
 
 
-def test_an_offset_with_the_feet_far_from_the_floor_either_way_is_replaced():
+def test_an_offset_that_feet_do_not_speak_for_is_replaced():
     high = moved(short_walk(), Rotation.identity(), (0, 300, 0))
     for rise in (0.0, 50.0, 92.0):
         assert find_root_offset(Body.of_motion(with_offset(high, rise, added=False)), Y) == "replaced"
+    assert find_root_offset(Body.of_motion(with_offset(short_walk(), 4.0, added=False)), Y) == "replaced"
+    motion = with_offset(short_walk(), 92.0, added=True)
+    channels = (motion.skeleton.channels[1], *motion.skeleton.channels[1:])
+    fixed = replace(motion, skeleton=replace(motion.skeleton, channels=channels))
+    assert find_root_offset(Body.of_motion(fixed), Y) == "replaced"
 
 
 @pytest.mark.parametrize(("height", "added"), [(0.05, True), (0.15, False)])
@@ -192,23 +194,11 @@ def test_feet_are_on_the_floor_up_to_a_tenth_of_a_leg_above_it(height, added):
     assert found == ("added" if added else "replaced")
 
 
-def test_a_small_offset_with_the_feet_on_the_floor_either_way_is_replaced():
-    """As the format has it: nothing speaks for the other reading, since replacing leaves the feet on the floor."""
-    assert find_root_offset(Body.of_motion(with_offset(short_walk(), 4.0, added=False)), Y) == "replaced"
-
-
 def test_a_given_meaning_counts():
     motion = with_offset(short_walk(), 92.0, added=False)
     result = retarget(motion, short_walk().skeleton, Options(root_offset="added"))
     near(result.motion.positions, short_walk().positions + 92.0 * Y)
     np.testing.assert_allclose(with_root_offset(motion).root_positions, short_walk().root_positions + 92.0 * Y)
-
-
-def test_a_root_without_positions_keeps_its_offset():
-    motion = with_offset(short_walk(), 92.0, added=True)
-    channels = (motion.skeleton.channels[1], *motion.skeleton.channels[1:])
-    fixed = replace(motion, skeleton=replace(motion.skeleton, channels=channels))
-    assert find_root_offset(Body.of_motion(fixed), Y) == "replaced"
 
 
 def test_bodies_that_look_the_other_way_by_convention_turn_round():

@@ -138,8 +138,8 @@ def test_it_is_recognised_and_stands_with_both_feet_on_the_floor(name: str) -> N
 
 
 @members
-@pytest.mark.parametrize("sample", CLIPS)
-def test_every_clip_drives_hands_feet_and_head(sample: str, name: str) -> None:
+def test_every_clip_drives_hands_feet_and_head(name: str) -> None:
+    sample = CLIPS[[*MEMBERS].index(name) % len(CLIPS)]  # which all have the same body
     matching = matched(clip(sample), member(name))
     source, target = matching.source.anatomy, matching.target.anatomy
     assert source is not None
@@ -165,9 +165,8 @@ def test_a_motion_of_a_member_moves_as_the_clip_does(name: str) -> None:
 
 
 @members
-@pytest.mark.parametrize("sample", ["walk", "clap"])
-def test_a_clip_on_its_own_body_is_the_clip(sample: str, name: str) -> None:
-    motion = motion_of(name, sample)
+def test_a_clip_on_its_own_body_is_the_clip(name: str) -> None:
+    motion = motion_of(name, ("walk", "clap")[[*MEMBERS].index(name) % 2])
     assert_is_the_clip(retarget(motion, motion))
     assert_is_the_clip(retarget(motion, motion.skeleton))
 
