@@ -154,6 +154,12 @@ def test_only_what_was_measured_can_be_the_worst():
     assert BY_KEY["foot_height"].worst({"foot_height": track}) == (0, "b")
 
 
+def test_time_inside_leads_to_where_the_skin_is_deepest():
+    depths = Track(np.array([[0.0, 0.2], [0.0, 2.0], [1.0, 0.0]]), parts=("left hand", "right hand"))
+    tracks = {"skin_frames": Track(np.array([0.0, 100.0, 100.0])), "skin_depth": depths}
+    assert BY_KEY["skin_frames"].worst(tracks) == (1, "right hand")
+
+
 def test_limits_of_source_and_copy():
     tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "foot_skate": Track(np.array([[0.0, 0.1]]))}
     assert lines({"jerk": 4.6}, {"jerk": 1.0}, tracks=tracks) == ["jerk 4.6 body sizes/s³, limit 4.5; worst in frame 1"]

@@ -101,6 +101,7 @@ class Metric:
         meaning: what it measures.
         missing: why a clip may have no value; empty if every clip has one.
         track: the key of its track, if that is another metric's.
+        worst_by: the key of the metric whose worst frame and part are given, if values of this one are yes or no.
         touches: whether measurements count only in the middle third of each touch, a run of measured frames; in the
             others they show how early or late a touch begins and ends, not how well it is kept.
         reduction: how the track's values become the metric: the mean, the mean of the part whose mean is the largest,
@@ -125,6 +126,7 @@ class Metric:
     unit: str = ""
     missing: str = ""
     track: str = ""
+    worst_by: str = ""
     touches: bool = False
     reduction: Literal["mean", "worst part", "largest", "percentile 99", "frames"] = "mean"
     judged: Literal["value", "ratio"] = "value"
@@ -186,7 +188,7 @@ class Metric:
 
     def worst(self, tracks: Tracks) -> tuple[int, str]:
         """The frame of the largest value, and the name of its part, if any; something must have been measured."""
-        track = self._judged_track(tracks)
+        track = (BY_KEY[self.worst_by] if self.worst_by else self)._judged_track(tracks)
         values = np.where(track.weights > 0, track.values, -np.inf)
         frame, *part = np.unravel_index(values.argmax(), values.shape)
         return int(frame), track.parts[part[0]] if part and track.parts else ""
