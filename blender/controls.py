@@ -21,7 +21,7 @@ SAME = 2e-4  # tolerance for joints that follow a control [of the body, and entr
 NEAR = 1e-4  # a frame is solved when joints are as near as this [of the body]
 BODY = 1700.0  # assumed size of the body in messages [mm]
 ROUNDS = 8  # limit of the iterations per frame
-BETTER = 0.98  # iterations end when less than 2 % of the error goes away
+BETTER = 0.98  # iterations end when the error of no joint is less than this times that before
 UNCHANGED = 1e-6  # transforms this near to the identity get no keys
 
 
