@@ -21,7 +21,7 @@ SAME = 2e-4  # tolerance for joints that follow a control [of the body, and entr
 NEAR = 1e-4  # a frame is solved when joints are as near as this [of the body]
 BODY = 1700.0  # assumed size of the body in messages [mm]
 ROUNDS = 8  # limit of the iterations per frame
-BETTER = 0.98  # iterations end when less than 2 % of the error goes away
+BETTER = 0.98  # iterations end when the error of no joint is less than this times that before
 UNCHANGED = 1e-6  # transforms this near to the identity get no keys
 
 
@@ -33,12 +33,13 @@ class Switch(NamedTuple):
     values: dict[str, float]  # "FK" and "IK"
 
 
-class Swivel(NamedTuple):
-    """The control that turns a limb with IK about the line from its root to its end: a pole, or the first bone."""
+class Limb(NamedTuple):
+    """A limb of two bones with IK."""
 
-    control: str
-    middle: str  # the bone of the IK chain that begins at the knee or elbow
     joints: list[str]  # root, middle and end
+    # By name, the joints, by number, between which parts lie: the pole; or without one both bones of the IK chain. From
+    # another bend than that of the goal, IK might change the lengths of these.
+    parts: dict[str, tuple[int, int]]
 
 
 class Rig:
@@ -51,13 +52,13 @@ class Rig:
         free = [bone for bone in self.bones if all(each.type == "IK" for each in bone.constraints)]
         self.controls = [bone.name for bone in shaped or free]
         self.read_rest()
-        self.size = float(np.ptp([pose.translation for pose in self.rest.values()], axis=0).max()) or 1.0
+        self.size = float(np.ptp([self.rest[joint].translation for joint in self.joints], axis=0).max()) or 1.0
         self.switches = [switch for each in self._properties() if (switch := self._switch(*each))]
 
     def read_rest(self) -> None:
-        """Read the rest poses of joints and controls, which may depend on the switches."""
+        """Read the rest poses of bones, which may depend on the switches."""
         self.put(dict.fromkeys(self.bones.keys(), Matrix()))
-        self.rest, self.rest_controls = self.poses(self.joints), self.poses(self.controls)
+        self.rest = self.poses(self.bones.keys())
 
     def put(self, transforms: dict[str, Matrix]) -> None:
         """Set the transforms of bones relative to their rest pose."""
@@ -99,24 +100,24 @@ class Rig:
 
     def turned(self, name: str) -> tuple[set[str], int]:
         """The joints that move rigidly with a control when it rotates, and the number of controls that move."""
-        found, before = self._poses_with({name: TURN}), self.rest | self.rest_controls
-        turn = found[name] @ self.rest_controls[name].inverted()
-        moved = {each for each in before if self._differ(found[each], before[each])}
+        found, before = self._poses_with({name: TURN}), self.rest
+        turn = found[name] @ before[name].inverted()
+        moved = {each for each in found if self._differ(found[each], before[each])}
         rigid = {each for each in moved & {*self.joints} if not self._differ(found[each], turn @ before[each])}
         return rigid, len(moved & {*self.controls})
 
     def carried(self, name: str) -> set[str]:
         """The joints displaced like a control that moves towards the body, as limbs may be too short to move away."""
-        centre = sum((pose.translation for pose in self.rest.values()), Vector()) / len(self.rest)
-        shift = (centre - self.rest_controls[name].translation).normalized() * SHIFT * self.size
-        found = self._poses_with({name: Matrix.Translation(self.rest_controls[name].to_3x3().inverted() @ shift)})
-        shift = found[name].translation - self.rest_controls[name].translation
+        centre = sum((self.rest[joint].translation for joint in self.joints), Vector()) / len(self.joints)
+        shift = (centre - self.rest[name].translation).normalized() * SHIFT * self.size
+        found = self._poses_with({name: Matrix.Translation(self.rest[name].to_3x3().inverted() @ shift)})
+        shift = found[name].translation - self.rest[name].translation
         errors = {each: found[each].translation - self.rest[each].translation - shift for each in self.joints}
         return {joint for joint in self.joints if errors[joint].length < SAME * self.size}
 
     def starts_at(self, control: str, joint: str) -> bool:
         """Whether a control has its head at a joint."""
-        return (self.rest_controls[control].translation - self.rest[joint].translation).length < SAME * self.size
+        return (self.rest[control].translation - self.rest[joint].translation).length < SAME * self.size
 
     def _iks(self) -> list[tuple[bpy.types.PoseBone, bpy.types.Constraint]]:
         found = [(bone, each) for bone in self.bones for each in bone.constraints if each.type == "IK"]
@@ -147,8 +148,8 @@ class Rig:
         ik = int(counts[1] > counts[0])
         return Switch(bone, name, {"IK": limits[ik], "FK": limits[1 - ik]}) if counts[0] != counts[1] else None
 
-    def swivels(self) -> list[Swivel]:
-        """The swivels of limbs whose IK is active now."""
+    def limbs(self) -> list[Limb]:
+        """The limbs whose IK is active now, and whose first bone or pole is a control."""
         found = []
         for bone, constraint in self._iks():
             chain = [bone, *bone.parent_recursive][: constraint.chain_count or None]
@@ -158,7 +159,9 @@ class Rig:
                 ends = np.array([chain[-1].head, bone.head, bone.tail])
                 distances = np.linalg.norm(ends[:, None] - positions, axis=2)
                 if distances.min(axis=1).max() < 10 * SAME * self.size:
-                    found.append(Swivel(control, bone.name, [self.joints[each] for each in distances.argmin(axis=1)]))
+                    joints = [self.joints[each] for each in distances.argmin(axis=1)]
+                    pole, bones = constraint.pole_subtarget, {chain[1].name: (0, 1), bone.name: (1, 2)}
+                    found.append(Limb(joints, {pole: (0, 2)} if pole else bones))
         return found
 
     def errors(self, goal: dict[str, Matrix]) -> tuple[np.ndarray, np.ndarray]:
@@ -191,7 +194,7 @@ def driven_joints(rig: Rig) -> dict[str, str]:
     return found
 
 
-def tweaks(rig: Rig, taken: set[str]) -> dict[str, str]:
+def tweaks(rig: Rig, taken: Sequence[str]) -> dict[str, str]:
     """The joint of each control that starts at it and moves the fewest others with it, if not taken, by control."""
     carried = {name: rig.carried(name) for name in rig.controls if name not in taken}
     found = {}
@@ -203,52 +206,52 @@ def tweaks(rig: Rig, taken: set[str]) -> dict[str, str]:
     return found
 
 
+def _frame(limb: Limb, part: str, poses: dict[str, Matrix], across: Vector | None = None) -> Matrix:
+    """The frame at the start of a part of a limb: its axes are along the part, across the plane of the limb (`across`
+    if that is straight), and the third.
+    """
+    root, middle, end = (poses[joint].translation for joint in limb.joints)
+    normal = (middle - root).cross(end - middle)
+    if normal.length < NEAR * (end - root).length_squared:
+        normal = across or (end - root).orthogonal()
+    start, stop = ((root, middle, end)[each] for each in limb.parts[part])
+    along, normal = (stop - start).normalized(), normal.normalized()
+    axes = Matrix((along, normal, along.cross(normal))).transposed()
+    return Matrix.Translation(start) @ axes.to_4x4()
+
+
 class Solver:
     """Sets controls so that each brings the joint that it drives to its goal."""
 
-    def __init__(self, rig: Rig, driven: dict[str, str], swivels: list[Swivel]) -> None:
-        self.rig, self.swivels = rig, [each for each in swivels if each.control not in driven]
-        self.driven = dict(sorted(driven.items(), key=lambda each: rig.bones.find(each[0])))
-        self.offsets = {name: rig.rest[joint].inverted() @ rig.rest_controls[name] for name, joint in driven.items()}
-        self.controls = {*driven, *(each.control for each in self.swivels)}
+    def __init__(self, rig: Rig, driven: dict[str, str], limbs: list[Limb]) -> None:
+        self.rig, self.driven = rig, driven
+        self.parts = {name: limb for limb in limbs if driven.keys().isdisjoint(limb.parts) for name in limb.parts}
+        self.offsets = {name: rig.rest[joint].inverted() @ rig.rest[name] for name, joint in driven.items()}
+        self.controls = sorted({*driven, *self.parts}, key=rig.bones.find)  # parents first
 
     def solve(self, goal: dict[str, Matrix]) -> None:
         """Bring the joints to their goals in a frame, as far as these controls can."""
         rig, last = self.rig, math.inf
+        poses = {name: goal[joint] @ self.offsets[name] for name, joint in self.driven.items()}
+        for name, limb in self.parts.items():
+            before, joint = _frame(limb, name, rig.rest), limb.joints[0]
+            across = (goal[joint] @ rig.rest[joint].inverted()).to_3x3() @ before.to_3x3().col[1]
+            poses[name] = _frame(limb, name, goal, across) @ before.inverted() @ rig.rest[name]
         for _ in range(ROUNDS):
-            error = np.max(rig.errors(goal))
-            if error < NEAR or error > BETTER * last:
+            error = np.maximum(rig.errors(goal), NEAR)
+            if error.max() == NEAR or (error > BETTER * last).all():
                 break
             last = error
             before, after = {}, {}
-            for name, joint in self.driven.items():
+            for name in self.controls:
                 bone = rig.bones[name]
                 parent = bone.parent.matrix if bone.parent else None
                 moved = next((each.name for each in bone.parent_recursive if each.name in after), None)
                 if moved is not None:
                     parent = after[moved] @ before[moved].inverted() @ parent
-                before[name], after[name] = bone.matrix.copy(), goal[joint] @ self.offsets[name]
+                before[name], after[name] = bone.matrix.copy(), poses[name]
                 rig.set_pose(name, after[name], parent)
             rig.update()
-            for each in self.swivels:
-                self._swivel(each, goal)
-            if self.swivels:
-                rig.update()
-
-    def _swivel(self, swivel: Swivel, goal: dict[str, Matrix]) -> None:
-        """Turn a limb about the line from its root to its end."""
-        root, middle, end = (goal[joint].translation for joint in swivel.joints)
-        axis = (end - root).normalized()
-        present, wanted = self.rig.bones[swivel.middle].head - root, middle - root
-        present, wanted = present - present.dot(axis) * axis, wanted - wanted.dot(axis) * axis
-        if min(present.length, wanted.length) < NEAR * self.rig.size:
-            return
-        angle = math.atan2(axis.dot(present.cross(wanted)), present.dot(wanted))
-        turn = Matrix.Translation(root) @ Matrix.Rotation(angle, 4, axis) @ Matrix.Translation(-root)
-        bone = self.rig.bones[swivel.control]
-        parent = bone.parent.matrix if bone.parent else None
-        before = converted(bone, bone.matrix_basis, parent, invert=False)  # without constraints
-        self.rig.set_pose(swivel.control, turn @ before, parent)
 
 
 def solve(
@@ -274,11 +277,12 @@ def solve(
     others = ["IK" if mode == "FK" else "FK"] if rig.switches else []
     for each in [*others, mode]:
         rig.turn_to(each)
-        driven, swivels = driven_joints(rig), rig.swivels() if each == "IK" or not rig.switches else []
-        solvers, errors = [Solver(rig, driven, swivels)], []
+        driven, limbs = driven_joints(rig), rig.limbs() if each == "IK" or not rig.switches else []
+        solvers, errors = [Solver(rig, driven, limbs)], []
         if each == mode:
-            fine = tweaks(rig, {*driven, *(one.control for one in swivels)})
-            solvers.append(Solver(rig, driven | fine, swivels))
+            solvers.append(Solver(rig, driven | tweaks(rig, solvers[0].controls), limbs))
+        for name in solvers[-1].controls:
+            transforms.setdefault(name, np.tile(np.eye(4), (len(matrices), 1, 1)))
         fixed = transforms.keys() - solvers[-1].controls
         for frame, goal in enumerate(goals):
             rig.put({name: Matrix(transforms[name][frame]) for name in fixed})

@@ -12,6 +12,8 @@ from typing import Any
 import bpy
 import numpy as np
 
+from distretarget.errors import SettingsError
+
 from .contacts import entries_of, state_of
 from .keys import keyed, poses_of
 from .rig import motion_of, other_animation, shape_of, title_of
@@ -19,10 +21,6 @@ from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
 WORKER = Path(__file__).with_name("worker.py")
-
-
-class FailedError(Exception):
-    """An error that is reported to the user in one line."""
 
 
 def chosen_armature(context: bpy.types.Context) -> bpy.types.Object | None:
@@ -34,16 +32,16 @@ def chosen_armature(context: bpy.types.Context) -> bpy.types.Object | None:
 
 
 def target_of(context: bpy.types.Context) -> bpy.types.Object:
-    """The chosen armature; a FailedError if it cannot get a motion."""
+    """The chosen armature; a SettingsError if it cannot get a motion."""
     chosen = chosen_armature(context)
     if chosen is None:
-        raise FailedError("select the armature of a character, or its mesh")
+        raise SettingsError("select the armature of a character, or its mesh")
     if chosen.library is not None:
-        raise FailedError(f"{chosen.name!r} is linked from another file; make it local or an override first")
+        raise SettingsError(f"{chosen.name!r} is linked from another file; make it local or an override first")
     if not chosen.data.bones:
-        raise FailedError(f"{chosen.name!r} has no bones")
+        raise SettingsError(f"{chosen.name!r} has no bones")
     if min(chosen.matrix_world.to_scale()) <= 0.0 or np.ptp(chosen.matrix_world.to_scale()) > 1e-4:
-        raise FailedError(f"{chosen.name!r} has an uneven scale; apply it with Ctrl+A")
+        raise SettingsError(f"{chosen.name!r} has an uneven scale; apply it with Ctrl+A")
     return chosen
 
 
@@ -51,10 +49,10 @@ Names = tuple[str, str]  # of a scene and an armature; objects cannot be kept, s
 
 
 def objects_of(names: Names) -> tuple[bpy.types.Scene, bpy.types.Object]:
-    """The scene and the armature with these names; a FailedError if they are gone."""
+    """The scene and the armature with these names; a SettingsError if they are gone."""
     scene, armature = bpy.data.scenes.get(names[0]), bpy.data.objects.get(names[1])
     if scene is None or armature is None or armature.type != "ARMATURE":
-        raise FailedError(f"{names[1]!r} or its scene is gone; the motion was dropped")
+        raise SettingsError(f"{names[1]!r} or its scene is gone; the motion was dropped")
     return scene, armature
 
 
@@ -66,13 +64,13 @@ class Job:
         is_file = isinstance(clip, Path)
         (scene, armature), self.names = objects_of(names), names
         if is_file and clip.suffix.lower() not in ENDINGS:
-            raise FailedError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
+            raise SettingsError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
         if is_file and not clip.is_file():
-            raise FailedError(f"{clip}: there is no such file")
+            raise SettingsError(f"{clip}: there is no such file")
         if clip == armature:
-            raise FailedError(f"{clip.name!r} is the character; choose another armature for the clip")
+            raise SettingsError(f"{clip.name!r} is the character; choose another armature for the clip")
         if not is_file and not clip.data.bones:
-            raise FailedError(f"{clip.name!r} has no bones")
+            raise SettingsError(f"{clip.name!r} has no bones")
         settings = scene.distretarget
         self.title = clip.stem if is_file else title_of(clip)
         self.key = clip_key(clip, settings.animation) if is_file else self.title
@@ -109,10 +107,10 @@ class Job:
             if self.process.returncode or not answer.is_file():
                 lines = [self.process.returncode, *log.read_text("utf-8", "replace").split("\n")]
                 last = next(line for line in reversed(lines) if line and str(line).strip())
-                raise FailedError(f"retargeting stopped: {last}; nothing is changed")
+                raise SettingsError(f"retargeting stopped: {last}; nothing is changed")
             self.answer = pickle.loads(answer.read_bytes())
             if "error" in self.answer:
-                raise FailedError(self.answer["error"])
+                raise SettingsError(self.answer["error"])
         finally:
             self.process.kill()
             self.process.wait()
@@ -130,7 +128,7 @@ class Job:
         """Make an action of the worker's answer; return it, and the answer with more warnings."""
         (scene, armature), answer = objects_of(self.names), self.answer
         if armature.data.bones.keys() != self.bones:
-            raise FailedError(f"{armature.name!r} has other bones than before; retarget again")
+            raise SettingsError(f"{armature.name!r} has other bones than before; retarget again")
         names, matrices, on_joints = answer["names"], answer["matrices"], self.keys == "JOINTS"
         rate = scene.render.fps / scene.render.fps_base
         times = self.start + np.arange(len(matrices)) * answer["frame_time"] * rate

@@ -38,12 +38,8 @@ def poses_of(armature: bpy.types.Object, joints: Sequence[str], matrices: np.nda
 
 def converted(bone: bpy.types.PoseBone, matrix: Matrix, parent: Matrix | None, invert: bool) -> Matrix:
     """A bone's pose in armature space, from its transform relative to its rest pose, or with `invert` the reverse."""
-    if parent is None:
-        return bone.bone.convert_local_to_pose(matrix, bone.bone.matrix_local, invert=invert)
-    above = bone.bone.parent.matrix_local
-    return bone.bone.convert_local_to_pose(
-        matrix, bone.bone.matrix_local, parent_matrix=parent, parent_matrix_local=above, invert=invert
-    )
+    above = {} if parent is None else {"parent_matrix": parent, "parent_matrix_local": bone.bone.parent.matrix_local}
+    return bone.bone.convert_local_to_pose(matrix, bone.bone.matrix_local, invert=invert, **above)
 
 
 def without_action(armature: bpy.types.Object) -> bpy.types.AnimData:

@@ -13,8 +13,10 @@ import bpy
 from bpy.props import StringProperty
 from bpy_extras.io_utils import ExportHelper, ImportHelper
 
+from distretarget.errors import DistretargetError, SettingsError
+
 from .contacts import changing_contacts, clip_frame, entries_of, put, state_of, take_markers
-from .job import ENDINGS, FailedError, Job, objects_of, target_of
+from .job import ENDINGS, Job, objects_of, target_of
 from .rig import skeleton
 
 INTERVAL = 0.05  # between two looks at the progress of a process [s]
@@ -30,7 +32,7 @@ class Reporting:
         try:
             for _ in self.do(context) or ():
                 time.sleep(INTERVAL)
-        except FailedError as error:
+        except DistretargetError as error:
             return self.stopped("ERROR", str(error))
         return {"FINISHED"}
 
@@ -59,7 +61,7 @@ class Running(Reporting):
                 status = self.stopped("INFO", "cancelled")
         except StopIteration:
             status = {"FINISHED"}
-        except FailedError as error:
+        except DistretargetError as error:
             status = self.stopped("ERROR", str(error))
         if status & {"FINISHED", "CANCELLED"}:
             self.cancel(context)
@@ -107,7 +109,7 @@ def retarget(self, context):
     if self.filepath:
         settings.clip = self.filepath
     if not settings.clip and settings.performer is None:
-        raise FailedError("choose a clip, or an armature of the scene that moves")
+        raise SettingsError("choose a clip, or an armature of the scene that moves")
     take_markers(context.scene)
     clip = settings.performer or Path(bpy.path.abspath(settings.clip))
     job = Job((context.scene.name, target_of(context).name), clip)
@@ -149,17 +151,17 @@ def retarget_folder(self, context):
     settings, names, errors = context.scene.distretarget, (context.scene.name, target_of(context).name), []
     folder = Path(bpy.path.abspath(settings.folder)) if settings.folder else None
     if folder is None or not folder.is_dir():
-        raise FailedError("choose a folder of clips")
+        raise SettingsError("choose a folder of clips")
     clips = sorted(path for path in folder.iterdir() if path.suffix.lower() in ENDINGS)
     for number, clip in enumerate(clips):
         try:
             job = Job(names, clip)
             yield from (f"{clip.name}, {number + 1} of {len(clips)}. {text}" for text in job.done())
             _keep(job.apply()[0], *objects_of(names))
-        except FailedError as error:
+        except DistretargetError as error:
             errors.append(str(error))
     if len(errors) == len(clips):
-        raise FailedError("; ".join(errors) or f"{folder} has no clips: {', '.join(ENDINGS)}")
+        raise SettingsError("; ".join(errors) or f"{folder} has no clips: {', '.join(ENDINGS)}")
     verdict = "; ".join([f"{len(clips) - len(errors)} of {len(clips)} clips retargeted", *errors])
     objects_of(names)[0].distretarget.verdict = verdict
     self.report({"WARNING" if errors else "INFO"}, verdict)
@@ -194,9 +196,9 @@ def contact_make(self, context):
     scene, settings = context.scene, context.scene.distretarget
     parts = [each.strip() for each in self.parts.split(",") if each.strip()] or _selected(context)
     if not settings.step:
-        raise FailedError("retarget the clip once, so that its frames are known")
+        raise SettingsError("retarget the clip once, so that its frames are known")
     if len({*parts}) not in (1, 2) or len({*parts}) < len(parts):
-        raise FailedError("select two bones that are to touch, or one that is to stay where it is")
+        raise SettingsError("select two bones that are to touch, or one that is to stay where it is")
     span = (scene.frame_current, scene.frame_current)
     if scene.use_preview_range:
         span = (scene.frame_preview_start, scene.frame_preview_end)
@@ -226,7 +228,7 @@ def contact_remove(_self, context):
     """Remove the contact from the list; one that is found in the clip comes back when it is retargeted"""
     with changing_contacts(context.scene) as settings:
         if not 0 <= settings.contact < len(settings.contacts):
-            raise FailedError("choose a contact in the list")
+            raise SettingsError("choose a contact in the list")
         settings.contacts.remove(settings.contact)
         settings.contact = max(0, min(settings.contact, len(settings.contacts) - 1))
 
@@ -234,12 +236,9 @@ def contact_remove(_self, context):
 @operator("Import contacts", ImportHelper, **JSON)
 def contacts_import(self, context):
     """Add the contacts of a contact file, such as the command line writes"""
-    from distretarget import DistretargetError, contacts_to_json, load_contacts
+    from distretarget import contacts_to_json, load_contacts
 
-    try:
-        entries = json.loads(contacts_to_json(load_contacts(self.filepath)))["contacts"]
-    except DistretargetError as error:
-        raise FailedError(str(error)) from None
+    entries = json.loads(contacts_to_json(load_contacts(self.filepath)))["contacts"]
     with changing_contacts(context.scene) as settings:
         put(context.scene, settings.clip_key, entries, entries_of(context.scene, settings.clip_key))
 
@@ -248,11 +247,9 @@ def contacts_import(self, context):
 def contacts_export(self, context):
     """Write the contacts to a contact file, for use with the command line"""
     from distretarget.io.contacts_file import HEADER, contacts_to_json, parse_contacts
+    from distretarget.io.files import write_whole
 
     with changing_contacts(context.scene) as settings:
         entries = entries_of(context.scene, settings.clip_key)
-    text = contacts_to_json(parse_contacts(json.dumps(HEADER | {"contacts": entries}), "Contacts"))
-    try:
-        Path(self.filepath).write_text(text, "utf-8")
-    except OSError as error:
-        raise FailedError(f"{self.filepath}: {error.strerror}") from None
+    contacts = parse_contacts(json.dumps(HEADER | {"contacts": entries}), "Contacts")
+    write_whole(self.filepath, contacts_to_json(contacts), overwrite=True)

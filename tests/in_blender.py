@@ -3,6 +3,7 @@
 They need the packages bpy and distretarget. `test_blender_extension.py` runs them all.
 """
 
+import itertools
 import json
 import math
 import os
@@ -22,12 +23,13 @@ from odd_characters import made
 import blender
 from blender import job, panel, rig
 from distretarget import contacts_to_json, find_contacts, load_contacts, load_target, read_bvh, retarget, write_bvh
+from distretarget.errors import SettingsError
 
 FOLDER, ROOT = Path(sys.argv[2]), Path(__file__).resolve().parents[1]
 HERO, CLAP = str(ROOT / "sample_characters" / "hero.glb"), ROOT / "sample_bvh" / "clap.bvh"
 NEAR = 1e-4  # [m], and of the entries of rotation matrices
 CRASH = -11  # the module of Blender 4.2.0 crashes as Python ends, after all is done
-ODDITIES = """names_with_spaces odd_names scale_001 scale_uneven ik constraints hidden no_inherited_rotation drivers
+ODDITIES = """names_with_spaces scale_001 scale_uneven ik constraints hidden no_inherited_rotation drivers
 two_armatures two_roots meshes_on_bones posed unreal vrm two_characters"""
 operators, answers = bpy.ops.distretarget, []
 
@@ -298,7 +300,7 @@ def test_what_is_stopped_changes_nothing():
     def failed(steps):
         try:
             return list(steps)
-        except job.FailedError as error:
+        except SettingsError as error:
             return str(error)
 
     steps, begun_job = begun()
@@ -475,13 +477,7 @@ def test_the_panel_draws_what_there_is():
 
 
 def test_controls_bring_joints_to_where_the_motion_has_them():
-    """Rigify's IK bones change their lengths by up to 2 %, and elbows with them, when switches are turned."""
-    for name, mode, limit in (
-        ("copies", "FK", 1.0),
-        ("copies", "IK", 1.0),
-        ("rigify", "FK", 17.0),
-        ("rigify", "IK", 17.0),
-    ):
+    for name, mode in itertools.product(("copies", "rigify"), ("FK", "IK")):
         armature = odd(name)
         bones, settings().keys = armature.pose.bones, mode
         deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
@@ -503,7 +499,7 @@ def test_controls_bring_joints_to_where_the_motion_has_them():
             bones[bone][name] = type(value)(1 - value)
         armature.update_tag()
         bpy.context.view_layer.update()
-        assert off(armature, deforming)[0] * mm < limit
+        assert off(armature, deforming)[0] * mm < 1.0, "after the switches are turned"
 
 
 def test_nothing_is_left_after_it_is_disabled():

@@ -15,8 +15,8 @@ PARTS = (
     "shoulder,upper_arm,forearm,hand,thigh,shin,foot,toe"
 )
 UNITY = (
-    "Hips,Spine,Chest,Upper Chest,Neck,Neck 2,Head,"
-    "{} Shoulder,{} Upper Arm,{} Lower Arm,{} Hand,{} Upper Leg,{} Lower Leg,{} Foot,{} Toes"
+    "Hips,Spine,Chest,Brust/Oberkörper,Neck,Neck 2,頭,"
+    "{} Shoulder,{} Upper Arm,{} Lower Arm,{}:Hand.x,{} Upper Leg,{} Lower Leg,{} Foot,{} Toes"
 )
 UNREAL = (
     "pelvis,spine_01,spine_02,spine_03,neck_01,neck_02,head,"
@@ -27,7 +27,6 @@ VRM = (
     "J_Bip_{}_Shoulder,J_Bip_{}_UpperArm,J_Bip_{}_LowerArm,J_Bip_{}_Hand,"
     "J_Bip_{}_UpperLeg,J_Bip_{}_LowerLeg,J_Bip_{}_Foot,J_Bip_{}_ToeBase"
 )
-ODD = UNITY.replace("Upper Chest", "Brust/Oberkörper").replace("Head", "頭").replace("{} Hand", "{}:Hand.x")
 LIMBS = [
     (one + side, two + side, end + side)
     for side in (".L", ".R")
@@ -120,13 +119,8 @@ def add_bone(armature: Armature, name: str, head: Vector, tail: Vector, parent: 
 
 
 def names_with_spaces(armature: Armature) -> None:
-    """Names as in Unity's humanoid: Left Upper Arm."""
+    """Names as in Unity's humanoid, such as Left Upper Arm; also colons, slashes, dots and other alphabets."""
     rename(armature, UNITY, "Left", "Right")
-
-
-def odd_names(armature: Armature) -> None:
-    """Colons, slashes, dots and other alphabets in names."""
-    rename(armature, ",".join(f"rig:{each}" for each in ODD.split(",")), "Left", "Right")
 
 
 def unreal(armature: Armature) -> None:

@@ -250,7 +250,7 @@ def test_the_papers_objective_has_no_supports_in_its_command(session):
 def test_a_project_is_refused_with_other_files(tmp_path, session):
     done = session.ordered(edits={"end": "30f"})
     path = tmp_path / "wave.project.json"
-    path.write_bytes(done.file("project")[1])
+    path.write_bytes(session.project([done.order, Order.of(session.files)])[1])
     for source in (WAVE, HERO):
         (tmp_path / source.name).write_bytes(source.read_bytes())
     whole = json.loads(path.read_text())
@@ -732,7 +732,7 @@ def test_two_clicks_on_bodies_pair_their_joints(solved, expect):
     how = tab.locator("details", has_text="Objective")
     how.locator("summary").click()
     expect(how).to_have_attribute("open", "")
-    tab.get_by_text("Who drives whom").click()
+    tab.get_by_text("Joint mapping").click()
     expect(how).not_to_have_attribute("open", "")  # one panel at a time
     row = tab.locator("[data-driven=RightForeArm]")
     expect(row.locator("select")).to_have_value("RightElbow")
@@ -851,9 +851,23 @@ def test_a_project_is_saved_and_opened_again(solved, tmp_path, expect):
     wait()
     tab.set_input_files("[data-testid=open-project]", path)
     wait(" --end 60f --mirror")
+    tab.get_by_role("button", name="walk").click()
+    expect(tab.get_by_test_id("command")).to_have_text(PLAIN.replace("clap", "walk"), timeout=30_000)
+    tab.get_by_test_id("start").fill("2")
+    tab.get_by_test_id("start").blur()
+    expect(tab.get_by_test_id("command")).to_contain_text("--start 2", timeout=30_000)
+    path.write_text(taken(tab, tab.get_by_test_id("save-project")))
+    clip = json.loads(path.read_text())["other_clips"][0]
+    assert (clip["name"], clip["edits"]) == ("clap.bvh", {"end": "60f", "mirror": True})
+    tab.on("dialog", lambda dialog: dialog.accept())
+    tab.reload()  # the files stay, edits do not
+    tab.set_input_files("[data-testid=open-project]", path)
+    expect(tab.get_by_test_id("command")).to_have_text(f"{PLAIN.replace('clap', 'walk')} --start 2", timeout=30_000)
+    tab.get_by_test_id("clips").select_option("clap.bvh")
+    wait(" --end 60f --mirror")
     path.write_text(path.read_text().replace("sha256:", "sha256:0"))
     tab.set_input_files("[data-testid=open-project]", path)
-    expect(tab.get_by_role("alert")).to_contain_text("the clap.bvh that was dropped is not the one of the project")
+    expect(tab.get_by_role("alert")).to_contain_text("the walk.bvh that was dropped is not the one of the project")
 
 
 SHOWN = f"""async ([count]) => {{ {UNTIL}
@@ -1002,7 +1016,7 @@ BODY = "app.stage.actors[2].mesh.geometry.attributes.position.count"
 def test_frame_view_and_selection_stay_while_contacts_and_bodies_change(solved, expect):
     tab, wait = solved
     stage = drawn(tab)
-    tab.get_by_text("Who drives whom").click()
+    tab.get_by_text("Joint mapping").click()
     click_joint(tab, stage, 0, read_motion(SAMPLES / "clap.bvh").skeleton.keys.index("LeftElbow"))
     for key in ("l", "End", "l", "ArrowLeft", "t", "o", "Shift+d", "d", "+"):
         stage.press("#player", key)

@@ -146,6 +146,12 @@ def test_a_metric_above_its_limit_names_value_frame_and_part_and_the_cause_if_on
     assert line.endswith("worst in frame 1, RightFoot; cause: the leg is straight")
 
 
+def test_time_inside_leads_to_where_the_skin_is_deepest():
+    depths = Track(np.array([[0.0, 0.2], [0.0, 2.0], [1.0, 0.0]]), parts=("left hand", "right hand"))
+    tracks = {"skin_frames": Track(np.array([0.0, 100.0, 100.0])), "skin_depth": depths}
+    assert BY_KEY["skin_frames"].worst(tracks) == (1, "right hand")
+
+
 def test_limits_of_source_and_copy():
     tracks = {"jerk": Track(np.array([1.0, 5.0, 2.0])), "foot_skate": Track(np.array([[0.0, 0.1]]))}
     assert lines({"jerk": 4.6}, {"jerk": 1.0}, tracks=tracks) == ["jerk 4.6 body sizes/s³, limit 4.5; worst in frame 1"]

@@ -99,6 +99,7 @@ class Metric:
         unit: of the number in files and limits; empty for a plain number.
         missing: why a clip may have no value; empty if every clip has one.
         track: the key of its track, if that is another metric's.
+        worst_by: the key of the metric whose worst frame and part are given, if values of this one are yes or no.
         middle_of_touches: whether only the middle third of each touch counts: the others show how early it begins.
         reduction: how the track's values become the metric; "worst part" is the part with the largest mean.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
@@ -119,6 +120,7 @@ class Metric:
     unit: str = ""
     missing: str = ""
     track: str = ""
+    worst_by: str = ""
     middle_of_touches: bool = False
     reduction: Literal["mean", "worst part", "largest", "percentile 99", "frames"] = "mean"
     judged: Literal["value", "ratio"] = "value"
@@ -180,7 +182,7 @@ class Metric:
 
     def worst(self, tracks: Tracks) -> tuple[int, str]:
         """The frame of the largest value, and the name of its part, if any; something must have been measured."""
-        track = self._judged_track(tracks)
+        track = (BY_KEY[self.worst_by] if self.worst_by else self)._judged_track(tracks)
         values = np.where(track.weights > 0, track.values, -np.inf)
         frame, *part = np.unravel_index(values.argmax(), values.shape)
         return int(frame), track.parts[part[0]] if part and track.parts else ""

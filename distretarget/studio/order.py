@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path, PurePath
@@ -14,6 +14,7 @@ from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, parse_contacts
 from distretarget.io.files import hash_of_file, read_text, safe_file_name
+from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import on_lines, parse_json
 from distretarget.io.map_json import HEADER as MAP_HEADER
 from distretarget.io.map_json import MapFile, parse_map
@@ -25,7 +26,8 @@ from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
 FILES = ("clip", "character")
 LONGEST = 100  # of the part of an input's name that goes into a result's [bytes]
-SETTINGS = ("animation", "fps", "edits", "options", "in_place", "contacts", "map", "rest")  # fields of an order
+OF_CLIP = ("animation", "edits", "contacts")  # fields of an order that depend on the clip
+SETTINGS = (*OF_CLIP, "fps", "options", "in_place", "map", "rest")  # fields of an order
 
 
 @dataclass(frozen=True)
@@ -173,7 +175,7 @@ def _as_argument(name: str) -> str:
 
 @dataclass(frozen=True)
 class Project:
-    """A project file: an order, and the names and hashes of its files, which are beside it."""
+    """A project file: the order that the page shows, and the names of its files, which are beside it."""
 
     order: Order
     names: Names
@@ -191,14 +193,21 @@ class Project:
         return replace(recipe, map_file=replace(own, rest=recipe.map_file.rest or own.rest))
 
 
-def project_to_json(order: Order, names: Names, hashes: tuple[str, str]) -> str:
-    """Return the text of a project file; `hashes` are those of the clip and of the character."""
-    inputs = zip(FILES, (names.clip, names.character), hashes, strict=True)
-    files = {role: {"name": name, "hash": each} for role, name, each in inputs}
-    given = json.loads(order.key)
-    contacts = json.loads(contacts_to_json(order.contacts))["contacts"]
-    settings = {name: given[name] for name in SETTINGS if given.get(name)} | {"contacts": contacts}
-    return f"{on_lines({**HEADER, 'files': files, 'output': names.output, **settings}, 2)}\n"
+def project_to_json(orders: Sequence[Order], output: str, files: Mapping[str, InputFile]) -> str:
+    """Return the text of a project file of a character's orders, the first of which is shown on the page; of the others
+    it has the fields `OF_CLIP`. `files` are theirs by id, `output` the suffix of the result.
+    """
+
+    def settings(order: Order, names: Sequence[str]) -> dict[str, object]:
+        given = json.loads(order.key) | {"contacts": json.loads(contacts_to_json(order.contacts))["contacts"]}
+        return {name: given[name] for name in names if given.get(name)}
+
+    abouts = {file_id: {"name": str(file.path), "hash": file.hash} for file_id, file in files.items()}
+    shown, *others = orders
+    of_shown = {"files": {role: abouts[getattr(shown, role)] for role in FILES}, "output": output}
+    other_clips = [abouts[each.clip] | settings(each, OF_CLIP) for each in others]
+    content = HEADER | of_shown | settings(shown, SETTINGS) | ({"other_clips": other_clips} if others else {})
+    return f"{on_lines(content, 2)}\n"
 
 
 def load_project(path: Path) -> Project:
@@ -212,7 +221,7 @@ def load_project(path: Path) -> Project:
     """
     text = read_text(path)
     root = parse_json(path, text)
-    found = root.fields((*HEADER, "files", "output"), SETTINGS)
+    found = root.fields((*HEADER, "files", "output"), (*SETTINGS, "other_clips"))
     root.check_header(**HEADER)
     files = found["files"].fields(FILES)
     names = {}

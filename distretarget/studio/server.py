@@ -152,6 +152,8 @@ class _Studio:
         if kind in BUNDLES:
             bundle = partial(self.session.bundle, await _orders(request), *BUNDLES[kind], tab=_tab(request))
             name, content = await anyio.to_thread.run_sync(bundle)
+        elif kind == "project":
+            name, content = self.session.project(await _orders(request))
         else:
             finished = await self._finished(request)
             name, content = await anyio.to_thread.run_sync(finished.file, kind)

@@ -34,7 +34,6 @@ from distretarget.skeleton import Skeleton
 from distretarget.studio.order import Names, Order, project_to_json
 
 MOST = 2_000_000_000  # of all dropped files [bytes]
-CACHED = 2  # results in memory; with the previous one, undo is instant
 
 
 class SupersededError(Exception):
@@ -130,8 +129,8 @@ class FinishedOrder:
             case "map":
                 return names.of_kind("map.json"), self.order.map_json.encode()
             case "project":
-                hashes = (self.source.hash, self._character.hash)
-                return names.of_kind("project.json"), project_to_json(self.order, names, hashes).encode()
+                files = {self.order.clip: self.source, self.order.character: self._character}
+                return names.of_kind("project.json"), project_to_json([self.order], self.format, files).encode()
             case "report":
                 return f"{PurePath(names.result).stem}.html", self.report.encode()
         if kind != self.format:
@@ -190,7 +189,8 @@ class Session:
         self._known: dict[tuple[str, str], dict[str, object]] = {}  # the same by original name and hash
         self._files: dict[str, InputFile] = {}  # by id
         self._targets: dict[str, TargetFile] = {}  # of files that are characters, by id
-        self._finished: OrderedDict[str, FinishedOrder] = OrderedDict()  # by the key of the order
+        # The last order, and the one before if that has the same conversion, so that undo is instant; by their keys.
+        self._finished: OrderedDict[str, FinishedOrder] = OrderedDict()
         self._latest: dict[str, object] = {}  # a token for the latest order of each tab
         self._lock = threading.Lock()
         self._solving = threading.Lock()  # orders are carried out one at a time
@@ -256,8 +256,6 @@ class Session:
         with self._lock:
             self._finished[order.key] = finished
             self._finished.move_to_end(order.key)
-            while len(self._finished) > CACHED:
-                self._finished.popitem(last=False)
         return finished
 
     def names_of(self, orders: Sequence[Order], merged: bool) -> list[Names]:
@@ -278,6 +276,11 @@ class Session:
         """Return the command line that makes the results of several orders, in one file each or `merged`."""
         each = enumerate(zip(self.names_of(orders, merged), orders, strict=True))
         return " && ".join(names.command(order, add=merged and number > 0) for number, (names, order) in each)
+
+    def project(self, orders: Sequence[Order]) -> tuple[str, bytes]:
+        """Return the name and the content of a project file of orders, the first of which is shown on the page."""
+        (names,) = self.names_of(orders[:1], merged=False)
+        return names.of_kind("project.json"), project_to_json(orders, names.output, self._files).encode()
 
     def bundle(
         self, orders: Sequence[Order], merged: bool = False, with_files: bool = False, tab: str = ""
@@ -313,6 +316,8 @@ class Session:
         if form not in formats:
             raise SettingsError(f"format is {form!r:.40}; expected one of {', '.join(formats)}")
         similar = next((one for one in self._finished.values() if one.order.preparation == order.preparation), None)
+        while len(self._finished) > (similar is not None):  # before the next result takes memory
+            self._finished.popitem(last=False)
         conversion = similar.conversion if similar else self._conversion(source, target, recipe, check)
         converted = conversion.converted(
             recipe.name_of(source), (OUTPUTS[f".{form}"],), contacts=order.contacts, progress=check

@@ -105,7 +105,7 @@ async function download(kind, orders = order) {
 }
 
 /** The orders to download: the one that is shown, or the last one of every clip, all with this character. */
-const chosenOrders = () => ($("which").value === "this" ? order : clips().map((clip) => ({ ...order, ...ofClip(clip) })));
+const chosenOrders = () => ($("which").value === "this" ? order : clips().map(orderOf));
 
 /** Shows the command line that makes the download. */
 async function showCommand() {
@@ -153,6 +153,8 @@ function ofClip(clip) {
   const { contacts, edits } = keyOf(clip) === keyOf(order) ? order : lastOrders.get(keyOf(clip)) ?? { contacts: [], edits: {} };
   return { ...clip, contacts, edits };
 }
+
+const orderOf = (clip) => ({ ...order, ...ofClip(clip) });
 
 function step(from, to) {
   if (!from.length) return;
@@ -428,7 +430,7 @@ $("make").onclick = () => change([...order.contacts, entryOfFields()]);
 $("change").onclick = () => change(replaced(order.contacts, chosen, entryOfFields()));
 $("kind").onchange = showKind;
 $("pick").onclick = () => pick($("pick").getAttribute("aria-pressed") !== "true");
-$("save").onclick = () => download("project");
+$("save").onclick = () => download("project", [order, ...clips().filter((clip) => keyOf(clip) !== keyOf(order)).map(orderOf)]);
 $("rest").onchange = async (event) => {
   const [file] = event.target.files;
   try {
@@ -454,15 +456,21 @@ const opens = (id, format, what, use) => {
   };
 };
 opens("open-contacts", "distretarget-contacts", "contact file", ({ contacts }) => change(contacts));
-opens("open", "distretarget-project", "project of the studio", ({ format, version, files, output, ...settings }) => {
-  const ids = {};
-  for (const [role, { name, hash }] of Object.entries(files)) {
-    const about = [...known.values()].find((each) => each.hash === hash && each[role]);
-    const other = [...known.values()].some((each) => each.name === name);
-    if (!about) throw new Error(other ? `the ${name} that was dropped is not the one of the project` : `drop ${name} first, then open the project`);
-    ids[role] = about.id;
-  }
-  set({ ...START, ...settings, ...ids, format: output });
+/** The dropped file that a project names as clip or character. */
+function inProject(role, { name, hash }) {
+  const about = [...known.values()].find((each) => each.hash === hash && each[role]);
+  const other = [...known.values()].some((each) => each.name === name);
+  if (!about) throw new Error(other ? `the ${name} that was dropped is not the one of the project` : `drop ${name} first, then open the project`);
+  return about;
+}
+
+opens("open", "distretarget-project", "project of the studio", ({ format, version, files, output, other_clips = [], ...settings }) => {
+  const abouts = [files.clip, ...other_clips].map((clip) => inProject("clip", clip));
+  const others = other_clips.map(({ name, hash, ...own }, k) => ({ ...START, ...own, clip: abouts[k + 1].id }));
+  const character = inProject("character", files.character).id;
+  for (const about of abouts) about.isClip = true;
+  set({ ...START, ...settings, clip: abouts[0].id, character, format: output });
+  for (const other of others) lastOrders.set(keyOf(other), other);
 });
 addEventListener("keydown", (event) => {
   if (!(event.ctrlKey || event.metaKey) || event.key.toLowerCase() !== "z" || event.target.matches("input:not([type=checkbox])")) return;
