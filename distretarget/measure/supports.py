@@ -64,7 +64,7 @@ def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> 
 
 
 def height_errors(heights: Array, of_source: Array, floor: float, near: Array | float = NEAR) -> Array:
-    """The errors of heights [leg lengths]; right are those from the source's to its floor, if both are `near`."""
+    """The errors of heights [leg lengths]; 0 from the source's height to its floor, if these are `near` each other."""
     other = np.where(np.abs(of_source - floor) < near, floor, of_source)
     return np.asarray(heights - np.clip(heights, np.minimum(of_source, other), np.maximum(of_source, other)))
 
