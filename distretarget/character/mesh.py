@@ -95,11 +95,9 @@ def _bound(
         return None
     numbers = np.cumsum(moved) - 1
     kept = moved[chosen].all(axis=1)
-    triangles, own = chosen[kept], None if part.normals is None else part.normals[moved]
+    triangles, own = numbers[chosen[kept]], None if part.normals is None else part.normals[moved]
     local, weights = part.joints[moved], weights[moved] / sums[moved, None]
     to_world = np.stack([transform for _, transform in placed]) @ part.to_bones
-    mirrored = np.linalg.det(to_world[:, :, :3])[local[np.arange(len(local)), weights.argmax(axis=1)]] < 0.0
-    triangles = np.where(mirrored[numbers[triangles[:, :1]]], triangles[:, ::-1], triangles)  # outside stays outside
     vertices, points = np.zeros((len(local), 3)), part.vertices[moved]
     normals = None if own is None else np.zeros(own.shape)
     for place in range(local.shape[1]):
@@ -108,8 +106,11 @@ def _bound(
         vertices[used] += share * (np.einsum("vij,vj->vi", by_bone[:, :, :3], points[used]) + by_bone[:, :, 3])
         if normals is not None and own is not None:
             normals[used] += share * np.einsum("vij,vj->vi", by_bone[:, :, :3], own[used])
+    is_mirrored = (np.linalg.det(to_world[:, :, :3]) < 0.0).any()  # whether triangles are, too, depends on the exporter
+    if is_mirrored and np.linalg.det(vertices[triangles]).sum() < 0.0:
+        triangles = triangles[:, ::-1]
     looks = Looks((), part.materials[::step][kept], part.uv[moved], None if normals is None else normalised(normals))
-    return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, numbers[triangles], looks)
+    return SkinnedMesh(vertices, np.maximum(joint_of[local], 0), weights, triangles, looks)
 
 
 def _placed(node: int, nodes: Nodes, binds: Mapping[int, Array], joints: Mapping[int, int]) -> tuple[int, Array]:

@@ -41,7 +41,8 @@ function limitLine(name, limit, over, factor) {
 }
 
 function cardOfClip(metric) {
-  const {key, factor, judged, comparison, whole, missing, supersededBy} = metric, inUnits = judged === 'ratio' ? 1 : factor;
+  const {key, factor, judged, comparison, whole, missing, supersededBy} = metric;
+  const inUnits = judged === 'ratio' ? 1 : factor;
   const {source, result, rotation_copy: copy, limits: usual} = report.metrics, value = scaled(result[key], factor);
   const judgeable = value !== null && usual[key] !== null && (result[supersededBy] ?? null) === null;
   const over = judgeable && result[key] > usual[key], limits = report.limits.filter(one => one.metric === key);
