@@ -4,6 +4,7 @@ import bodies
 import numpy as np
 import pytest
 from bodies import PERSON
+from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
@@ -56,21 +57,28 @@ def test_a_forearm_gives_way_to_the_trunk_at_the_elbow_and_not_at_the_wrist(part
     assert np.all(np.diff([gap_along(share, part, 0.0) for share in (0.0, 1 / 3, 2 / 3, 1.0)]) < 0)
 
 
-def gap_of_hanging_arms(wide):
+def gap_of_hanging_arms(wide, meshed=True):
     """The least gap of hanging upper arms and forearms to a chest, a capsule that reaches so far to each side."""
     build, across = average_build_of(BODY).on(BODY), np.array([[[-wide, -0.1, 0.0], [wide, -0.1, 0.0]]])
     arms = build[np.isin(build.segments, [number for number, name in enumerate(SEGMENTS) if "arm" in name])]
     joint, segment = np.array([PERSON.index("Chest3")]), np.array([SEGMENTS.index("chest")])
     fields = zip(vars(arms).values(), (joint, across, np.array([[0.15, 0.15]]), segment), strict=True)
     skin = BodySkin.of(BODY, Capsules(*map(np.concatenate, fields)))
+    skin = (
+        skin.on_mesh(mesh_of([(int(joint[0]), capsule_surface(across[0], [0.15, 0.15]))]), PERSON) if meshed else skin
+    )
     down = {f"{side}Shoulder": np.array([0.0, 0.0, turn]) for side, turn in (("Left", -1.57), ("Right", 1.57))}
     return segment_gaps(skin.balls, skin.posed(bodies.posed(PERSON, down, np.zeros((1, 3)))), 1.0).min()
 
 
-@pytest.mark.parametrize(("wide", "overlaps"), [(0.0, False), (0.12, True), (0.2, False), (0.3, False)])
+@pytest.mark.parametrize(("wide", "overlaps"), [(0.01, False), (0.12, True), (0.2, False), (0.3, False)])
 def test_arms_whose_shoulders_are_inside_the_chest_may_hang_in_it(wide, overlaps):
     """A shoulder is .23 m from the middle. Beside the second chest, which ends before it, arms have to give way."""
     assert (gap_of_hanging_arms(wide) < -0.02) == overlaps
+
+
+def test_arms_do_not_hang_in_a_chest_whose_thickness_is_a_guess():
+    assert gap_of_hanging_arms(0.2, meshed=False) < -0.05
 
 
 @pytest.mark.parametrize("part", ["head", "left thigh"])

@@ -27,6 +27,7 @@ class ArmOverlap(NamedTuple):
     """
 
     of_balls: Array  # (balls,), how far each may overlap the trunk; 0 at wrists and for legs [body units]
+    by_build: Array  # (balls,), how much farther if the trunk is as thick as its mesh, and no guess [body units]
     # (segments,), for those of arms whether the shoulder joint is inside the trunk: 0 up to a depth of half the arm's
     # radius, 1 from its radius on
     sunk: Array
@@ -54,7 +55,7 @@ class ArmOverlap(NamedTuple):
             moving: (balls, 2), the shares of the displacements of the limb's middle and end by which each moves.
         """
         segments, sunk = np.repeat(np.arange(len(SEGMENTS)), np.diff(balls.of_ball)), np.zeros(len(SEGMENTS))
-        overlap = np.minimum(ELBOW * balls.radii, MOST) * IS_FOREARM[segments]
+        of_balls, by_build = np.minimum(ELBOW * balls.radii, MOST) * IS_FOREARM[segments], np.zeros(len(segments))
         t, ends, trunk = balls.fractions[:, None], posed[balls.carriers], (posed[is_trunk], balls.cap_radii[is_trunk])
         places, hanging = (1.0 - t) * ends[:, 0] + t * ends[:, 1], body.hanging - body.reference.positions
         for number, limb in enumerate(limbs if is_trunk.any() else ()):
@@ -64,6 +65,6 @@ class ArmOverlap(NamedTuple):
                 hung = places[on] + moving[on] @ hanging[[limb.middle, limb.end]] / body.unit
                 depth, *depths = -distances(np.concatenate([shoulder, hung]), *trunk)[0]
                 inside = np.clip(2.0 * depth / balls.radii[on].mean() - 1.0, 0.0, 1.0)
-                overlap[on] += inside * np.maximum(depths + balls.radii[on], 0.0)
+                by_build[on] = inside * np.maximum(depths + balls.radii[on], 0.0)
                 sunk[segments[on]] = inside
-        return cls(overlap * (1.0 - moving[:, 1]), sunk)
+        return cls(of_balls * (1.0 - moving[:, 1]), by_build * (1.0 - moving[:, 1]), sunk)

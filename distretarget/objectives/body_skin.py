@@ -38,14 +38,17 @@ class BodySkin:
     limbs: tuple[Limb, ...]  # arms, then legs
     displaced: Displaced  # how the balls move with middle and end of each limb
     of_joint: Numbers  # (joints,), the segment of each joint or of its nearest ancestor with a capsule; -1 for none
-    sunk: Array  # (segments,), see `ArmOverlap`
+    overlap: ArmOverlap  # of arms and trunk
     landmarks: Landmarks | None  # from which the axes of body parts are found
     unit: float  # the body unit
     surface: SurfaceSamples | None = None  # of the mesh, if there is one
 
     def on_mesh(self, mesh: SkinnedMesh | None, skeleton: Skeleton) -> BodySkin:
         """Return the skin with the surface of a mesh that is bound to the joints of `skeleton`."""
-        return replace(self, surface=_surface_of(mesh, skeleton, self)) if mesh else self
+        if not mesh:
+            return self
+        balls = _overlapping(self.balls, self.overlap.by_build, self.capsules)
+        return replace(self, balls=balls, surface=_surface_of(mesh, skeleton, self))
 
     @classmethod
     def of(cls, body: Body, capsules: Capsules) -> BodySkin:
@@ -65,9 +68,8 @@ class BodySkin:
         is_leg = np.array([limb.top in {leg.hip for leg in body.legs or ()} for limb in limbs] + [True])
         moving[is_leg[of_capsule[on]], 1] = 0.0  # feet are not displaced
         is_trunk = IS_TRUNK[capsules.segments]
-        overlap, sunk = ArmOverlap.of(body, balls, posed / body.unit, is_trunk, limbs, of_capsule[on], moving)
-        overlap = np.outer(overlap, is_trunk)
-        balls.gap_offsets[...] -= np.where(balls.gap_offsets < NEVER, overlap, 0.0)
+        overlap = ArmOverlap.of(body, balls, posed / body.unit, is_trunk, limbs, of_capsule[on], moving)
+        balls = _overlapping(balls, overlap.of_balls, capsules)
         balls.gap_offsets[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms displace arms and legs displace legs, but arms no legs
         head = capsules.radii[capsules.segments == SEGMENTS.index("head")]
@@ -82,7 +84,7 @@ class BodySkin:
             limbs=limbs,
             displaced=Displaced(of_capsule, shares, mutual),
             of_joint=np.array(of_joint, np.intp),
-            sunk=sunk,
+            overlap=overlap,
             landmarks=Landmarks.of(body, tips),
             unit=body.unit,
         )
@@ -124,6 +126,12 @@ class BodySkin:
         posed = self.capsules.posed(motion)
         posed /= self.unit
         return posed
+
+
+def _overlapping(balls: Balls, overlap: Array, capsules: Capsules) -> Balls:
+    """The balls, which may overlap the capsules of the trunk by `overlap`, (balls,), more [body units]."""
+    more, offsets = np.outer(overlap, IS_TRUNK[capsules.segments]), balls.gap_offsets
+    return balls._replace(gap_offsets=np.where(offsets < NEVER, offsets - more, offsets))
 
 
 def limbs_of(body: Body) -> tuple[Limb, ...]:

@@ -59,7 +59,7 @@ def mesh_correction(
     correction = np.subtract(gaps, of_mesh, out=np.zeros(gaps.shape), where=known)
     correction = correction.clip(-np.maximum(np.where(touching > 0.0, MOST, THICKER), overlap)[frames], MOST)
     mean = partial(_averaged, reach=round(STEADY / (_step(motion) * motion.frame_time)))
-    correction *= 1.0 - body.sunk[zones.limbs] * (zones.groups == TRUNK)  # such arms are in the mesh by its build
+    correction *= 1.0 - body.overlap.sunk[zones.limbs] * (zones.groups == TRUNK)  # these are in the mesh by build
     return _interpolated(by_shot(mean, shots[frames], correction, known), frames, len(motion))
 
 
