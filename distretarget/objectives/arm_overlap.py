@@ -28,8 +28,8 @@ class ArmOverlap(NamedTuple):
 
     of_balls: Array  # (balls,), how far each may overlap the trunk; 0 at wrists and for legs [body units]
     by_build: Array  # (balls,), how much farther if the trunk is as thick as its mesh, and no guess [body units]
-    # (segments,), for those of arms whether the shoulder joint is inside the trunk: 0 up to a depth of half the arm's
-    # radius, 1 from its radius on
+    # (segments,), for those of arms whether the shoulder joint is inside the trunk: 0 up to a depth of the arm's
+    # radius, 1 from one and a half radii on
     sunk: Array
 
     @classmethod
@@ -64,7 +64,7 @@ class ArmOverlap(NamedTuple):
                 shoulder = body.reference.positions[[limb.top]] / body.unit
                 hung = places[on] + moving[on] @ hanging[[limb.middle, limb.end]] / body.unit
                 depth, *depths = -distances(np.concatenate([shoulder, hung]), *trunk)[0]
-                inside = np.clip(2.0 * depth / balls.radii[on].mean() - 1.0, 0.0, 1.0)
+                inside = np.clip(2.0 * depth / balls.radii[on].mean() - 2.0, 0.0, 1.0)
                 by_build[on] = inside * np.maximum(depths + balls.radii[on], 0.0)
                 sunk[segments[on]] = inside
         return cls(of_balls * (1.0 - moving[:, 1]), by_build * (1.0 - moving[:, 1]), sunk)
