@@ -20,16 +20,14 @@ from distretarget.numerics.parallel import blocks_of
 from distretarget.numerics.vectors import Array, Numbers, lengths, normalised
 from distretarget.rig import rig_cached
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.fit import distances
+from distretarget.skin.fit import OFF_SKIN, distances
 from distretarget.skin.mesh import SkinnedMesh, outermost
 
 T = TypeVar("T")
 
 AROUND = 1.5  # a joint can rest on skin nearer than this [radii of its capsule there], ...
-WHOLE = ("head", "chest", "belly", "pelvis")  # ... on all skin of these segments, ...
+WHOLE = ("head", "chest", "belly", "pelvis")  # ... on all skin of these segments within `OFF_SKIN` mean radii, ...
 BEYOND = 4.0  # ... and the last joint of a finger on skin nearer than this [radii of its capsule there]
-# Of `WHOLE`, what is farther outside its capsules than this carries nothing: spikes, a tail, a scabbard [mean radii].
-OFF_SKIN = 0.6
 # A foot has a heel if the skin behind the ankle reaches deeper than this share of the depth of the sole: 0.86 and more
 # with a heel, 0.3 without.
 HEEL = 0.5

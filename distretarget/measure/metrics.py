@@ -231,10 +231,14 @@ class Metric:
 
 
 _REGISTRY = tomllib.loads(files(__package__).joinpath("metrics.toml").read_text("utf-8"))
-METRICS = tuple(  # the most telling first
-    Metric(**{"key": key, **entry, "limit": Limit(**entry["limit"]) if "limit" in entry else None})
-    for key, entry in _REGISTRY.items()
-)
+
+
+def _metric(key: str, entry: Mapping[str, Any]) -> Metric:
+    limit = Limit(**entry["limit"]) if "limit" in entry else None
+    return Metric(**{**entry, "key": key, "limit": limit, "places": tuple(entry.get("places", ()))})
+
+
+METRICS = tuple(_metric(key, entry) for key, entry in _REGISTRY.items())  # the most telling first
 BY_KEY = {metric.key: metric for metric in METRICS}
 # The metrics of all sides in one list, by these names: `jerk_source`, `jerk_copy`, `jerk`.
 COLUMNS: dict[str, tuple[Variant, Metric]] = {
