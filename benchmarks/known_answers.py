@@ -9,6 +9,7 @@ missing ones are left out. The lines are about:
   T-pose are the known answers; and all clips of one rig should have the same alignment with a target;
 - known answers: the same motions on the bodies of `cmu_mb` and `cmu_daz`, each retargeted to the other. Those of
   `cmu_daz` were made by MotionBuilder from those of `cmu_mb`;
+- own motions: what a character with a mesh did as the result of a clip, retargeted to the same character;
 - equivalent results: half the frame rate, twice the frame rate, halves of a clip alone, and noise of half a degree on
   rotations, against the result of the clip as it is.
 """
@@ -23,14 +24,14 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLE_CLIPS, TARGETS, corpus_argument, edited, found, markdown_option
+from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, TARGETS, corpus_argument, edited, found, markdown_option
 from numpy.typing import NDArray
 from runs import in_processes
 from scipy.spatial.transform import Rotation
 from tables import mean_and_largest, publish, several, table
 from zoo import LYING, MEMBERS, member, on_member, on_twin
 
-from distretarget import Body, Motion, RetargetResult, Skeleton, read_bvh, retarget
+from distretarget import Body, Motion, RetargetResult, Skeleton, load_target, read_bvh, retarget
 from distretarget.batch.summary import largest_spread, role_rotations
 from distretarget.matching.matching import match
 from distretarget.measure.comparison import shared_bones
@@ -45,6 +46,7 @@ HELD = ("cmu_mb/05_06.bvh", "cmu_mb/05_12.bvh", "cmu_daz/13_18.bvh", "animated_d
 TILTS = ("head_tilt", "heading", "sole_tilt")
 FOLDERS = ("cmu_mb", "cmu_daz")  # of the corpus, with the same motions on two bodies
 SAME_MOTIONS = ("02_01", "02_03", "02_04", "03_01", "05_03", "05_06", "06_15", "08_07", "09_01", "12_01")
+HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
 
@@ -100,6 +102,15 @@ def known_answer(frames: int, corpus: Path, folders: tuple[str, str], clip: str)
         metrics["foot"].append(float(100 * place[rests].mean() / tall))
         metrics["hips"].append(float(100 * height[rests].mean() / body.leg_length))
     return metrics
+
+
+def own_motion(frames: int, hero: Path, clip: Path) -> float:
+    """The largest distance of a joint when the result of a clip is retargeted to its own character [% of height]."""
+    target = load_target(hero)
+    motion = retarget(read_bvh(clip)[:frames], target).motion
+    again = retarget(motion, target)
+    off = np.linalg.norm(again.motion.positions - motion.positions, axis=-1)
+    return float(100 * off.max() / again.matching.target.height)
 
 
 def _bones(motion: Motion, lower: NDArray[np.intp]) -> Array:
@@ -165,6 +176,12 @@ def answer_rows(known: dict[tuple[str, str], list[dict[str, list[float]]]]) -> I
         yield f"same motions, {source} on the body of {target}: copy / result", text, "the copy's"
 
 
+def own_rows(off: Sequence[float]) -> Iterator[Row]:
+    """The line about own motions of a character."""
+    text = several((max(off), np.median(off)), ".2f")
+    yield f"own motions of a character with a mesh, {len(off)} clips: worst / median", text, "0.2"
+
+
 def equivalent_rows(same: Sequence[dict[str, tuple[float, float]]]) -> Iterator[Row]:
     """The lines about equivalent results."""
     for key, goal in zip(same[0], ("3", "", "1", "4"), strict=True):
@@ -187,6 +204,7 @@ def main(corpus: Path, frames: int, page: Path | None) -> None:
     pairs = [FOLDERS, FOLDERS[::-1]] if both else []
     rows = [*lying_rows(in_processes(partial(lying, frames, stand), product(rigs)))]
     rows += answer_rows({p: in_processes(partial(known_answer, frames, corpus, p), product(both)) for p in pairs})
+    rows += own_rows(in_processes(partial(own_motion, frames, HERO), product(clips)))
     rows += equivalent_rows(in_processes(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False)))
     publish({"known answers": table(["known answer", "off it", "goal: at most"], rows)}, page)
 

@@ -128,19 +128,22 @@ def test_hips_are_calm_over_feet_without_a_heel(radii):
 
 
 @pytest.mark.parametrize("factor", [1.0, 100.0])
-def test_the_copy_on_the_same_rig_is_the_clip_wherever_its_feet_are(factor):
+def test_on_the_same_rig_legs_and_trunk_stay_wherever_feet_are(factor):
     """Feet that tilt, and stand a little over the floor, stay so where nothing has to be adapted."""
     hero = load_target(HERO)
     clip = retarget(sample("walk"), hero).motion
-    feet, turns = [leg.ankle for leg in Body.of(clip.skeleton).legs], np.array(clip.rotations)
+    body, turns = Body.of(clip.skeleton), np.array(clip.rotations)
+    feet, arms = [leg.ankle for leg in body.legs], [body.skeleton.subtree(arm.shoulder) for arm in body.arms]
     turns[:, feet] = (
         (Rotation.from_quat(turns[:, feet].reshape(-1, 4)) * Rotation.from_euler("X", 6, degrees=True))
         .as_quat()
         .reshape(len(clip), -1, 4)
     )
     source = replace(clip, rotations=turns).moved(0.03 * np.array(UP))
-    copy = retarget(source.scaled(factor), hero).rotation_copy
-    np.testing.assert_allclose(copy.positions, source.positions, atol=1e-6)
+    result = retarget(source.scaled(factor), hero)
+    np.testing.assert_allclose(result.rotation_copy.positions, source.positions, atol=1e-6)
+    own = np.setdiff1d(np.arange(len(body.skeleton)), np.concatenate([[*arm] for arm in arms]))
+    np.testing.assert_allclose(result.motion.positions[:, own], source.positions[:, own], atol=1e-6)
 
 
 def test_a_platform_lifts_the_whole_body_by_its_height():

@@ -129,7 +129,7 @@ def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | N
     target, (source_leg, leg) = matching.target, matching.leg_lengths
     if matching.is_same_rig:
         return 0.0
-    on_mesh = undersides is not None and undersides.feet_have_mesh
+    on_mesh = undersides is not None and undersides.feet_on_mesh
     if undersides is not None and on_mesh:
         own = undersides.soles[1]
     elif matching.legs is not None and target.skeleton.floor_at_zero and target.stands_at_rest:

@@ -245,8 +245,8 @@ class Matching:
 
     @property
     def with_resting_soles(self) -> Matching:
-        """The same matching with the normals of the source's resting soles; the same rig keeps the target's soles."""
-        if self.legs is None or self.is_same_rig:
+        """The same matching with the normals of the source's resting soles."""
+        if self.legs is None:
             return self
         soles = tuple(sole for sole, _ in self.soles)
         normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)

@@ -200,7 +200,9 @@ class Undersides:
     target: Underside
     # the mean `thickness` of both feet, for source and target [file units]; 0 without legs
     soles: tuple[float, float]
-    feet_have_mesh: bool  # whether a mesh shows the soles of both of the target's feet
+    feet_on_mesh: (
+        bool  # whether the target's feet stand on its mesh: it shows both soles, and the source is another rig
+    )
 
     @classmethod
     def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
@@ -209,8 +211,8 @@ class Undersides:
         feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
         thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
         mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()
-        have_mesh = bool(feet) and all(len(target.foot(b.ankle)) for _, b, _ in feet)
-        return cls(source, target, (mean, mean_of_target), have_mesh)
+        on_mesh = bool(feet) and not matching.is_same_rig and all(len(target.foot(b.ankle)) for _, b, _ in feet)
+        return cls(source, target, (mean, mean_of_target), on_mesh)
 
 
 def _lowest(motion: Motion, skins: Sequence[BoundBalls], up: Array) -> list[Array]:

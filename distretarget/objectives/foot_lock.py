@@ -94,7 +94,7 @@ def find_foot_lock(clip: Clip, undersides: Undersides | None = None) -> Supports
 
     side_by_side = mapper_for(len(clip), len(clip.skeleton))
     rests, weights, sources, copies = map(list, zip(*side_by_side(foot, clip.legs), strict=True))
-    if undersides is not None and undersides.feet_have_mesh:
+    if undersides is not None and undersides.feet_on_mesh:
         copies = _on_mesh(clip, undersides, rests, sources, copies)
     asides = _asides(clip, weights, sources, copies)
     places = [
@@ -159,7 +159,7 @@ def hips_rise(clip: Clip, feet: Supports, undersides: Undersides | None = None) 
     above = np.maximum(soles - np.where(rests > 0.0, soles, np.inf).min(axis=1, keepdims=True), 0.0)
     flat = 1.0 / (1.0 + (lifts + above) / (ROLL * clip.leg_lengths[0]))
     usual = np.mean([pair.target_sole.ankle - clip.scale.height * pair.source_sole.ankle for pair in clip.legs])
-    on_mesh = undersides is not None and undersides.feet_have_mesh
+    on_mesh = undersides is not None and undersides.feet_on_mesh
     rests, blend = (np.where(rests >= RESTS, rests, 0.0), REST_BLEND) if on_mesh else (rests, ROOT_BLEND)
 
     def rise(higher: Array, rests: Array, flat: Array) -> Array:

@@ -83,7 +83,7 @@ def _lifts(clip: Clip, undersides: Undersides | None, rests: Sequence[Array]) ->
     (frames, 2) for each leg.
     """
     scale, up = clip.scale.height, clip.up
-    if undersides is None or not undersides.feet_have_mesh:
+    if undersides is None or not undersides.feet_on_mesh:
         for pair in clip.legs:
             yield scale * heel_lift(clip.source, pair.source_sole, up), heel_lift(clip.copy, pair.target_sole, up)
         return

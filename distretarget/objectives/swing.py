@@ -70,7 +70,7 @@ def _soles(clip: Clip, rests: Sequence[Array], undersides: Undersides | None) ->
     """The heights of the lowest points of soles, of source and rotation copy, (frames, legs) each [file units of each];
     `rests` is how much ankle and toe of each leg rest, (frames, 2).
     """
-    if undersides is None or not undersides.feet_have_mesh:
+    if undersides is None or not undersides.feet_on_mesh:
         heights = [
             (sole_height(clip.source, pair.source_sole, clip.up), sole_height(clip.copy, pair.target_sole, clip.up))
             for pair in clip.legs

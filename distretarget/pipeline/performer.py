@@ -153,7 +153,7 @@ def match_performer(transfer: Transfer) -> Match:
     matching = matching.with_mesh_soles(mesh)
     other_parents = (body.skeleton.parents != goal.skeleton.parents).any()
     found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if other_parents else None, hips)
-    if found.undersides is not None and found.undersides.feet_have_mesh:
+    if found.undersides is not None and found.undersides.feet_on_mesh:
         return replace(found, matching=matching.with_resting_soles)
     return found
 
