@@ -282,6 +282,15 @@ class Motion:
         rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
         return replace(self, root_positions=turn.apply(np.array(self.root_positions)), rotations=rotations)
 
+    def with_rest_turned(self, turn: Rotation) -> Motion:
+        """Return the motion rotated about the origin of the world, rest pose included; no axis is stated to be up."""
+        moving, around = self.moving, Rotation.from_quat(np.array(self.rotations).reshape(-1, 4))
+        if moving is not None:
+            moving = MovingBones(moving.joints, _turned(moving.translations, turn))
+        skeleton = replace(self.skeleton, offsets=_turned(self.skeleton.offsets, turn), up=None)
+        rotations = (turn * around * turn.inv()).as_quat().reshape(self.rotations.shape)
+        return Motion(skeleton, _turned(self.root_positions, turn), rotations, self.frame_time_text, moving)
+
     def moved(self, by: Array) -> Motion:
         """Return the motion displaced by a vector, (3,), or by one in each frame, (frames, 3) [file units]."""
         return replace(self, root_positions=self.root_positions + by) if by.any() else self
@@ -409,3 +418,8 @@ def _as_array(name: str, values: Array, shape: tuple[int | str, ...]) -> Array:
     if array.ndim != len(shape) or array.shape[1:] != shape[1:]:
         raise MotionError(f"{name} has shape {array.shape}; expected ({', '.join(map(str, shape))})")
     return array
+
+
+def _turned(vectors: Array, turn: Rotation) -> Array:
+    """Vectors, (..., 3), turned by one rotation."""
+    return np.asarray(turn.apply(np.array(vectors).reshape(-1, 3)).reshape(vectors.shape))

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from distretarget.errors import SkeletonError, closest, quoted
 from distretarget.numerics import kinematics
+from distretarget.numerics.vectors import extent
 from distretarget.stick_figures import likely_up, stick_figures
 
 POSITION_CHANNELS = ("Xposition", "Yposition", "Zposition")
@@ -28,6 +29,7 @@ UNITS = tuple(METRES)  # length units a file may state
 MOST_LETTERS = 1_000_000  # all keys together may have this many letters more than 20 times the names
 FLAT_JOINTS, FLAT = 8, 0.8  # a tree of so many joints is flat if more than this share hangs from the root [0 to 1]
 # Bounds within which all computations stay finite and exact to a few digits [file units].
+SAME_RIG = 1e-3  # rest poses of the same rig differ by less [their largest coordinate]
 LARGEST = 1e12  # largest coordinate of an offset or position; also the largest scale
 SMALLEST = 1e-12  # least length of the longest bone; also the least scale
 
@@ -365,3 +367,9 @@ class Skeleton:
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")
         factors = np.divide(lengths, self.lengths, out=np.ones(len(self)), where=self.lengths > 0)
         return self.with_offsets(self.offsets * factors[:, None])
+
+
+def same_up_to_scale(one: NDArray[np.float64], other: NDArray[np.float64]) -> bool:
+    """Whether two arrays of places or distances at rest, not all 0, are the same up to a factor, within `SAME_RIG`."""
+    sizes = extent(one), extent(other)
+    return bool(min(sizes) > 0.0 and extent(one / sizes[0] - other / sizes[1]) < SAME_RIG)

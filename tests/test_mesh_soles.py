@@ -146,6 +146,31 @@ def test_on_the_same_rig_legs_and_trunk_stay_wherever_feet_are(factor):
     np.testing.assert_allclose(result.motion.positions[:, own], source.positions[:, own], atol=1e-6)
 
 
+def exported(motion):
+    """A motion as Blender writes it to BVH: along Z, and with an End Site below each joint without children."""
+    turned = motion.with_rest_turned(Rotation.from_euler("X", 90, degrees=True))
+    skeleton = turned.skeleton
+    tops = [joint for joint in range(len(skeleton)) if not skeleton.children[joint]]
+    longer = replace(
+        skeleton,
+        names=(*skeleton.names, *(f"{skeleton.names[top]}_End" for top in tops)),
+        parents=np.append(skeleton.parents, tops),
+        offsets=np.vstack([skeleton.offsets, np.full((len(tops), 3), 0.02)]),
+        channels=(*skeleton.channels, *((),) * len(tops)),
+        end_sites=np.append(skeleton.end_sites, np.ones(len(tops), bool)),
+    )
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(tops), 1))
+    return replace(turned, skeleton=longer, rotations=np.hstack([turned.rotations, still]))
+
+
+def test_an_exported_rig_is_the_same_rig():
+    hero = load_target(HERO)
+    clip = retarget(sample("walk"), hero).motion
+    result, plain = retarget(exported(clip), hero), retarget(clip, hero)
+    assert result.matching.is_same_rig
+    np.testing.assert_allclose(result.motion.positions, plain.motion.positions, atol=1e-4)
+
+
 def test_a_platform_lifts_the_whole_body_by_its_height():
     plain, high = (retarget(sample("squat"), shod(platform=platform)).motion for platform in (0.0, 0.1))
     np.testing.assert_allclose(high.rotations, plain.rotations, atol=1e-6)

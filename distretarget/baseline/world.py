@@ -54,19 +54,26 @@ class World:
         return axis_vector(self.up)
 
     def to_target_axes(self, source: Body) -> Body:
-        """Return the source in the target's world."""
+        """Return the source in the target's world; its rest pose, too, if that stands in the source's."""
         if source.motion is None:
             return source.with_up(self.up)
         motion = with_root_offset(source.motion) if self.root_offset == "added" else source.motion
-        return source.with_motion(self.turned(motion), self.up)
+        rest_stands = source.up_at_rest == self.source_up and source.standing is None
+        if not rest_stands or self.half_turn or self.source_up == self.up:
+            return source.with_motion(self.turned(motion), self.up)
+        motion = motion.with_rest_turned(self._turn)
+        return replace(source, skeleton=motion.skeleton, motion=motion, known_up=self.up)
 
     def turned(self, motion: Motion) -> Motion:
         """Return a motion turned to the axes of the target's world, by the least rotation, and by `half_turn`."""
-        if self.source_up == self.up and not self.half_turn:
-            return motion
+        is_same = self.source_up == self.up and not self.half_turn
+        return motion if is_same else motion.rotated_about_origin(self._turn)
+
+    @property
+    def _turn(self) -> Rotation:
+        """The rotation from the source's world to the target's."""
         up = self.up_vector
-        turn = Rotation.from_rotvec(np.pi * self.half_turn * up) * least(axis_vector(self.source_up)[None], up[None])
-        return motion.rotated_about_origin(turn)
+        return Rotation.from_rotvec(np.pi * self.half_turn * up) * least(axis_vector(self.source_up)[None], up[None])
 
 
 def find_world(

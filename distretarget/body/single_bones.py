@@ -19,7 +19,6 @@ from distretarget.body.conventions import NamedTree
 from distretarget.body.limbs import Leg
 from distretarget.body.named_anatomy import by_tree
 from distretarget.body.resting import feet_at_rest
-from distretarget.body.tree_repairs import reparented
 from distretarget.motion import Motion
 from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot, smoothstep
@@ -72,15 +71,6 @@ def on_ends(motion: Motion, mesh: MeshReader) -> Motion:
     skeleton, count = with_ends(motion.skeleton, mesh), len(motion.skeleton)
     still = np.tile(skeleton.rest_rotations[count:], (len(motion), 1, 1))
     return replace(motion, skeleton=skeleton, rotations=np.hstack([motion.rotations, still])) if still.size else motion
-
-
-def without_ends(motion: Motion) -> Motion:
-    """Return the motion on the same skeleton without End Sites."""
-    skeleton = motion.skeleton
-    if not skeleton.end_sites.any():
-        return motion
-    parents = {joint: skeleton.parents.item(joint) for joint in skeleton.joints}
-    return reparented(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
 
 
 def straightened(source: Body, target: Body) -> Body:

@@ -11,6 +11,7 @@ from itertools import product
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.distance import pdist
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import ARM, LEG, SIDES
@@ -19,7 +20,7 @@ from distretarget.body.limbs import is_bend
 from distretarget.body.named_anatomy import by_tree
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Numbers, extent, lengths
-from distretarget.skeleton import ROTATION_CHANNELS, Skeleton
+from distretarget.skeleton import ROTATION_CHANNELS, Skeleton, same_up_to_scale
 
 SHORTEST, LONGEST = 0.4, 1.6  # length of a lower bone: 0.45 in CMU's subject 5 [lengths of the upper bone]
 STRAIGHT = np.radians(60)  # a limb in the rest pose bends by less than this at knee or elbow [rad]
@@ -139,6 +140,36 @@ def _top_down(parents: Mapping[int, int]) -> list[int]:
 
 
 # ---- twins
+
+
+def without_ends(motion: Motion) -> Motion:
+    """Return the motion on the same skeleton without End Sites."""
+    return _without(motion, np.flatnonzero(motion.skeleton.end_sites))
+
+
+def without_exported_ends(source: Motion, target: Skeleton, kept: Collection[str] = ()) -> Motion:
+    """Return a source without the End Sites that the target does not have if its other joints are those of the target,
+    at the same distances from each other up to scale, as exporters add them; but for `kept` ones.
+    """
+    skeleton, keys = source.skeleton, {*target.keys}
+    numbers = {key: joint for joint, key in enumerate(skeleton.keys)}
+    others = np.array([joint for key, joint in numbers.items() if key not in keys], np.intp)
+    if not keys <= numbers.keys() or not skeleton.end_sites[others].all():
+        return source
+    places = skeleton.rest_positions[[numbers[key] for key in target.keys]]
+    if not same_up_to_scale(pdist(places), pdist(target.rest_positions)):
+        return source
+    return _without(source, others[[skeleton.keys[joint] not in kept for joint in others]])
+
+
+def _without(motion: Motion, leaves: Numbers) -> Motion:
+    """A motion without some joints that have no children."""
+    skeleton = motion.skeleton
+    left = np.setdiff1d(np.arange(len(skeleton)), leaves).tolist()
+    if len(left) == len(skeleton):
+        return motion
+    parents = {joint: skeleton.parents.item(joint) for joint in left}
+    return reparented(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
 
 
 def without_twins(motion: Motion, kept: Collection[str] = ()) -> Motion:

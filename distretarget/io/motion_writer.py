@@ -13,7 +13,7 @@ from typing import IO, Protocol, cast, get_args
 
 import numpy as np
 
-from distretarget.body.single_bones import without_ends
+from distretarget.body.tree_repairs import without_ends
 from distretarget.character.nodes import Animation
 from distretarget.checks import brief_repr, check_choice, check_kind
 from distretarget.errors import FileError, MotionError, SettingsError

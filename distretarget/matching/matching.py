@@ -20,14 +20,13 @@ from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, extent, normalised, read_only
+from distretarget.numerics.vectors import Array, Flags, Numbers, normalised, read_only
 from distretarget.rig import CACHED_RIGS, rig_cached, rig_property
-from distretarget.skeleton import JointMap
+from distretarget.skeleton import JointMap, same_up_to_scale
 from distretarget.skin.mesh import SkinnedMesh
 
 Found = TypeVar("Found")
 
-SAME_RIG = 1e-3  # rest positions of the same rig differ by less [largest coordinate of a joint]
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # path lengths to them are compared
@@ -156,14 +155,17 @@ class Matching:
 
     @rig_property
     def is_same_rig(self) -> bool:
-        """Whether each joint drives the joint with its index, and rest positions are the same up to scale."""
+        """Whether the joints with drivers have the same parents and, up to scale, the same rest positions as those."""
         source, target = self.source.skeleton, self.target.skeleton
-        if len(source) != len(target) or not np.array_equal(self.drivers, np.arange(len(target))):
+        driven = np.flatnonzero(self.drivers >= 0)
+        drivers, above = self.drivers[driven], target.parents[driven]
+        parents = np.where(above >= 0, self.drivers[above], -1)
+        if len(np.unique(drivers)) < len(drivers) or not np.array_equal(source.parents[drivers], parents):
             return False
-        below = [*target.subtree(self.pelvis)]
-        places, own = (x[below] - x[self.pelvis] for x in (source.rest_positions, target.rest_positions))
-        sizes = extent(places), extent(own)
-        return bool(min(sizes) > 0.0 and extent(places / sizes[0] - own / sizes[1]) < SAME_RIG)
+        below = np.intersect1d(driven, [*target.subtree(self.pelvis)])
+        own = target.rest_positions[below] - target.rest_positions[self.pelvis]
+        places = source.rest_positions[self.drivers[below]] - source.rest_positions[self.drivers[self.pelvis]]
+        return same_up_to_scale(places, own)
 
     @rig_property
     def in_reference(self) -> bool:

@@ -17,7 +17,7 @@ from distretarget.body.build import OWN_BUILDS, Build, Builds, capsules_by_build
 from distretarget.body.pelvis import JointShift, shift_to_thighs, with_hips_at_thighs
 from distretarget.body.single_bones import straightened
 from distretarget.body.skin_anchors import AnchoredSkin
-from distretarget.body.tree_repairs import Reparented, without_twins
+from distretarget.body.tree_repairs import Reparented, without_exported_ends, without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -129,10 +129,11 @@ class Transfer:
 def match_performer(transfer: Transfer) -> Match:
     """Match a source to its target; errors as in `retarget`."""
     goal, options, builds = transfer.goal, transfer.options, transfer.builds
-    source, rest = transfer.source, transfer.rest
-    _check(source, goal.skeleton)
+    _check(transfer.source, goal.skeleton)
     pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
+    source = without_exported_ends(transfer.source, goal.skeleton, named)
+    rest = transfer.rest and without_exported_ends(transfer.rest, goal.skeleton, named)
     source_body = with_hips_at_thighs(Body.of_motion(without_twins(source, named)))
     source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
     body = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
