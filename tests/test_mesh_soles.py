@@ -147,7 +147,7 @@ def test_on_the_same_rig_legs_and_trunk_stay_wherever_feet_are(factor):
 
 
 def exported(motion):
-    """A motion as Blender writes it to BVH: along Z, and with an End Site below each joint without children."""
+    """A motion as Blender writes it to BVH: along Z, and with End Sites that continue bones, toes into the floor."""
     turned = motion.with_rest_turned(Rotation.from_euler("X", 90, degrees=True))
     skeleton = turned.skeleton
     tops = [joint for joint in range(len(skeleton)) if not skeleton.children[joint]]
@@ -155,7 +155,7 @@ def exported(motion):
         skeleton,
         names=(*skeleton.names, *(f"{skeleton.names[top]}_End" for top in tops)),
         parents=np.append(skeleton.parents, tops),
-        offsets=np.vstack([skeleton.offsets, np.full((len(tops), 3), 0.02)]),
+        offsets=np.vstack([skeleton.offsets, skeleton.offsets[tops]]),
         channels=(*skeleton.channels, *((),) * len(tops)),
         end_sites=np.append(skeleton.end_sites, np.ones(len(tops), bool)),
     )

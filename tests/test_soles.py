@@ -34,6 +34,17 @@ def test_a_foot_stands_flat_as_in_a_rest_pose_in_which_a_person_can_stand(pitch)
         np.testing.assert_allclose(sole.heights, np.sin(pitch) * np.array([0.18, 0.06, 0.0]), atol=1e-12)
 
 
+@pytest.mark.parametrize("pitch", [0.2, 0.75])
+def test_a_tip_that_continues_the_foot_with_its_length_into_the_floor_is_made_up(pitch):
+    skeleton = with_feet(pitch)
+    offsets = np.array(skeleton.offsets)
+    for side in ("Left", "Right"):
+        offsets[skeleton.index(f"{side}Toe_End")] = offsets[skeleton.index(f"{side}Toe")]
+    body = body_of(skeleton.with_offsets(offsets))
+    for sole in find_soles(body, body.legs):
+        assert sole.ankle == pytest.approx(0.12 * np.sin(pitch))
+
+
 @pytest.mark.parametrize("way", [*Rotation.from_euler("xyz", [[90, 0, 0], [0, 180, 0], [-90, 0, 90]], degrees=True)])
 def test_soles_turn_with_the_body(way):
     body = body_of(turned(with_feet(0.4), way))

@@ -59,15 +59,18 @@ class World:
             return source.with_up(self.up)
         motion = with_root_offset(source.motion) if self.root_offset == "added" else source.motion
         rest_stands = source.up_at_rest == self.source_up and source.standing is None
-        if not rest_stands or self.half_turn or self.source_up == self.up:
+        if not rest_stands or self._is_same:
             return source.with_motion(self.turned(motion), self.up)
         motion = motion.with_rest_turned(self._turn)
-        return replace(source, skeleton=motion.skeleton, motion=motion, known_up=self.up)
+        return replace(source, skeleton=motion.rigid_skeleton, motion=motion, known_up=self.up)
 
     def turned(self, motion: Motion) -> Motion:
         """Return a motion turned to the axes of the target's world, by the least rotation, and by `half_turn`."""
-        is_same = self.source_up == self.up and not self.half_turn
-        return motion if is_same else motion.rotated_about_origin(self._turn)
+        return motion if self._is_same else motion.rotated_about_origin(self._turn)
+
+    @property
+    def _is_same(self) -> bool:
+        return self.source_up == self.up and not self.half_turn
 
     @property
     def _turn(self) -> Rotation:

@@ -18,6 +18,7 @@ from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, normalised
+from distretarget.skeleton import Skeleton
 
 PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average are flat [rad]
 RAISED = np.radians(60)  # and so are feet that both rest with toes lifted by up to this: they hang at rest [rad]
@@ -26,6 +27,7 @@ LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, an
 GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
 LEVEL_SHARE = 0.65  # it is level if at least this share of them is nearer than `LEVEL`,
 UNEVEN_SHARE = 0.4  # and it is not if at most this share is
+GUESSED_LENGTH, GUESSED_DIRECTION = 0.01, np.cos(np.radians(10))  # tolerances of made-up tips [lengths; cosine]
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 
 
@@ -147,9 +149,18 @@ def _sole(body: Body, leg: Leg, pose: Pose, normal: Array, known: bool) -> Sole:
     """The sole, with toes as in a pose."""
     below = body.skeleton.subtree(leg.ankle)
     joints = [joint for joint in below if joint == leg.ankle or body.regions.of_joint[joint] >= 0]
+    joints = [joint for joint in joints if not _is_guessed(body.skeleton, joint, pose.axes[:, 1])]
     to_ankle = Rotation.from_quat(pose.rotations[leg.ankle]).inv()
     points = to_ankle.apply(pose.positions[joints] - pose.positions[leg.ankle])
     return Sole(np.array(joints, np.intp), points, normal, known)
+
+
+def _is_guessed(skeleton: Skeleton, joint: int, up: Array) -> bool:
+    """Whether an End Site continues its bone downwards with the same length: importers make such tips up."""
+    end, bone = skeleton.offsets[[joint, skeleton.parents[joint]]]
+    size, length = lengths(np.stack([end, bone]))
+    is_as_long = abs(size - length) < GUESSED_LENGTH * length and end @ bone > GUESSED_DIRECTION * size * length
+    return bool(skeleton.end_sites[joint] and is_as_long and end @ up < 0.0)
 
 
 def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array, Array] | None:
