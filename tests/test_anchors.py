@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, sample, sample_run
+from bodies import SAMPLES, sample, sample_run, sample_target
 from scipy.spatial.transform import Rotation
 
 from distretarget import Options, load_target, retarget
@@ -73,6 +73,12 @@ def touching_all(skin, motion, limb, place):
     firmness = np.tile(firm.astype(float), (len(motion), 1))
     gaps = np.where(pairs[:, 1] == SEGMENTS.index(place), 0.0, 0.05) + np.zeros((len(motion), 1))
     return anchors(motion, motion, Skins(skin, skin), zones, gaps, firmness)
+
+
+def test_hands_on_hips_of_a_character_stay_on_the_same_character():
+    hero = sample_target("hero")
+    clip = retarget(sample("hands_on_hips")[60:120], hero).motion
+    np.testing.assert_allclose(retarget(clip, hero).motion.positions, clip.positions, atol=1e-5)
 
 
 @pytest.mark.parametrize(("limb", "place"), [("left hand", "belly"), ("right hand", "left upper arm")])

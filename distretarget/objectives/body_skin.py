@@ -25,6 +25,7 @@ from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
 
+PRESSED = 0.01  # hands and forearms on the same body sink in as deep as in the source, up to this [body units]
 ALIKE = 1e-3  # the largest relative difference of radii that still counts as one body
 IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
 
@@ -155,6 +156,11 @@ class Skins:
         one, other = (np.sort(skin.capsules.radii / skin.unit, axis=0) for skin in (self.source, self.target))
         known = self.source.surface is not None and self.target.surface is not None
         return known and one.shape == other.shape and bool(np.allclose(one, other, rtol=ALIKE, atol=0.0))
+
+    @property
+    def least_gap(self) -> float:
+        """The least gap of contacts [body units]: if source and target are one body, skin may be pressed in."""
+        return -PRESSED if self.are_alike else 0.0
 
     def on_meshes(self, source: SkinnedMesh | None, target: SkinnedMesh | None, matching: Matching) -> Skins:
         """Return the skins with the surfaces of the two meshes."""

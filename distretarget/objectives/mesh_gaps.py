@@ -63,16 +63,19 @@ def mesh_correction(
     return _interpolated(by_shot(mean, shots[frames], correction, known), frames, len(motion))
 
 
-def false_overlap(body: BodySkin, zones: ContactZones, pairs: Numbers, motion: Motion, first: int) -> Array:
-    """Return how far the capsules of hands and forearms overlap others in a motion while the mesh does not, (frames,
-    zones) [body units]; where the mesh is inside, less twice its depth, at least 0; 0 without a mesh. If capsules may
-    overlap by this, limbs whose mesh sinks in nowhere do not move. Arguments as `mesh_correction`.
+def false_overlap(
+    body: BodySkin, zones: ContactZones, pairs: Numbers, motion: Motion, first: int, least: float
+) -> Array:
+    """Return how far the capsules of hands and forearms overlap others in a motion while the gap of the mesh is at
+    least `least`, (frames, zones) [body units]; where it is less, less twice the difference, at least 0; 0 without a
+    mesh. If capsules may overlap by this, limbs whose mesh sinks in nowhere do not move. Arguments as
+    `mesh_correction`.
     """
     if body.surface is None:
         return np.zeros((len(motion), len(zones.limbs)))
     near = np.zeros((len(motion), len(zones.limbs)))
     frames, gaps, of_mesh = _sampled_gaps(body, zones, pairs, motion, first, near)
-    overlap = np.where(zones.are_hard, np.maximum(2.0 * np.minimum(of_mesh, 0.0) - gaps, 0.0), 0.0)
+    overlap = np.where(zones.are_hard, np.maximum(2.0 * np.minimum(of_mesh - least, 0.0) - gaps, 0.0), 0.0)
     return _interpolated(overlap, frames, len(motion))
 
 

@@ -45,7 +45,6 @@ TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [bod
 ROUNDS = (4, 4, 8)
 EACH_OF_TWO = np.sqrt(0.5)  # two arms in contact are two zones, each with half the stiffness, which is firmness squared
 BY_USER = 2.0  # the firmness of user contacts relative to others
-PRESSED = 0.01  # if source and target are one body, hands sink in as deep as in the source, up to this [body units]
 REACH = 0.3  # skins farther apart than this in the result, half an arm, are not drawn together [body units]
 
 # How far soft tissue may overlap [mean radius of its capsules]; an upper arm shares its skin with the chest at the
@@ -149,15 +148,16 @@ def _displaced(
     def softer(by: Array) -> Array:
         return np.where(are_hard, frames.soft + by[:, zones.of_pair], frames.soft)
 
-    overlap = false_overlap(body, zones, pairs, posed, first)
+    overlap = false_overlap(body, zones, pairs, posed, first, skins.least_gap)
     # The mesh of an arm that has passed through another arm is outside of it, too: the source's has to be as well.
     on_arms = np.isin(zones.groups, GROUP[:-1][IS_ARM])
     if targets is not None:
         on_arms[zones.of_pair[targets.anchored]] = False
-    of_source = false_overlap(skins.source, zones, pairs, clip.source, first)
+    of_source = false_overlap(skins.source, zones, pairs, clip.source, first, skins.least_gap)
     overlap[:, on_arms] = np.minimum(overlap, of_source)[:, on_arms]
     overlap[:, found:] = 0.0  # the user's gaps are those of capsules
-    d = start_displacements(body.balls, body.displaced, frames._replace(soft=softer(overlap)), *shots)
+    soft = np.maximum(frames.soft, np.where(are_hard, overlap[:, zones.of_pair], 0.0))
+    d = start_displacements(body.balls, body.displaced, frames._replace(soft=soft), *shots)
     for steps in ROUNDS:
         now = bent(posed, body.limbs, body.unit * d)
         farther = -corrected(body, zones=zones, motion=now, touching=frames.firmness, overlap=overlap)
@@ -184,14 +184,13 @@ def _source_contacts(
     firmness = _with_forearms(zones, touching, touching * _intent(clip, body, zones)) * _not_dropped(clip, body, zones)
     firmness *= _by_limbs(body, zones, self_contact) * stillness(source, clip.source, ends, zones, touching, clip.shots)
     firmness[:, np.isin(zones.groups, GROUP[:-1][IS_ARM])] *= EACH_OF_TWO
-    least = -PRESSED if skins.are_alike else 0.0
-    pressed = np.where(zones.are_hard, np.clip(-gaps, 0.0, -least), 0.0)
+    pressed = np.where(zones.are_hard, np.clip(-gaps, 0.0, -skins.least_gap), 0.0)
     frames = Frames(
         posed=body.posed(posed),
         limbs=limb_places(body, posed),
         free=free,
         soft=np.maximum(softness(balls, balls.pairs, in_source), pressed[:, zones.of_pair]),
-        target_gaps=np.maximum(gaps, least),
+        target_gaps=np.maximum(gaps, skins.least_gap),
         firmness=firmness,
         **anchors(clip.source, posed, skins, zones, in_source, firmness),
     )
