@@ -15,17 +15,8 @@ from distretarget.numerics.compiled import inlined
 from distretarget.numerics.vectors import F1, F2, I1
 
 
-class FrameFloor(NamedTuple):
-    """The heights that joints keep above in one frame."""
-
-    joints: I1  # (joints,), joints of the target
-    heights: F1  # (joints,), h [body units]
-    stiffness: F1  # (joints,), k
-    up: F1  # (3,), the unit vector up
-
-
 class FloorSprings(NamedTuple):
-    """The heights that joints keep above in some frames."""
+    """The heights that joints keep above in some frames; in a single frame the axis of the frames is left out."""
 
     joints: I1  # (joints,), joints of the target
     heights: F2  # (frames, joints), h [body units]
@@ -43,14 +34,14 @@ def no_floor(frames: int) -> FloorSprings:
 
 
 @inlined(fastmath=True)
-def depth_below(scratch: Scratch, floor: FrameFloor, n: int) -> float:
+def depth_below(scratch: Scratch, floor: FloorSprings, n: int) -> float:
     """How far the n-th joint is below its height at the positions `scratch.x`; negative above it."""
     x = scratch.x[floor.joints[n]]
     return float(floor.heights[n] - (x[0] * floor.up[0] + x[1] * floor.up[1] + x[2] * floor.up[2]))
 
 
 @inlined(fastmath=True)
-def floor_energy(scratch: Scratch, floor: FrameFloor) -> float:
+def floor_energy(scratch: Scratch, floor: FloorSprings) -> float:
     """Return the floor's energy at the positions `scratch.x`, and add its gradient to `scratch.gradient`."""
     energy = 0.0
     for n in range(len(floor.joints)):
@@ -65,7 +56,7 @@ def floor_energy(scratch: Scratch, floor: FrameFloor) -> float:
 
 
 @inlined(fastmath=True)
-def add_floor(scratch: Scratch, floor: FrameFloor, springs: FrameSprings, count: int) -> int:
+def add_floor(scratch: Scratch, floor: FloorSprings, springs: FrameSprings, count: int) -> int:
     """Append a spring with the floor's curvature per joint below its height to `count` springs; return the count."""
     for n in range(len(floor.joints)):
         if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
