@@ -154,12 +154,6 @@ def age_of(body: Body) -> str:
     return AGES[int(np.argmin(differences))]
 
 
-@rig_cached
-def average_build_of(body: Body) -> Build:
-    """Return the average build of the age that a body's bones show."""
-    return average_build(age_of(body))
-
-
 @cache
 def _averages() -> dict[str, Any]:
     """The entries of `average_builds.json`, by build."""
@@ -174,7 +168,7 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
     if body.anatomy is None:
         return no_capsules()
     if mesh is None:
-        return _with_radii(average_build_of(body).on(body), radii or {})
+        return _with_radii(capsules_by_build(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
     return _with_radii(fit_capsules(bare_mesh(body, mesh), bound, tuple(_parts(body))), radii or {})
 
@@ -182,7 +176,7 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
 @rig_cached
 def capsules_by_build(body: Body, build: Build | None = None) -> Capsules:
     """Return the capsules of a body with a build, by default the average one for its age."""
-    return (build or average_build_of(body)).on(body)
+    return (build or average_build(age_of(body))).on(body)
 
 
 def radii_of(capsules: Capsules) -> dict[int, float]:

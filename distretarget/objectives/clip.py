@@ -185,7 +185,6 @@ def _shared_distances(matching: Matching) -> DistanceProblem:
     return distance_problem(matching.source.skeleton, matching.target.skeleton, matching.drivers)
 
 
-@rig_cached
 def rigid_part_roots(matching: Matching) -> Numbers:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 
