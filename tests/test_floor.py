@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.ik.floor import FloorSprings, add_floor, depth_below, floor_energy, no_floor
-from distretarget.ik.springs import room_for_springs, spring_energy
+from distretarget.ik.springs import (
+    FloorSprings,
+    add_floor,
+    depth_below,
+    floor_energy,
+    no_floor,
+    room_for_springs,
+    spring_energy,
+)
 
 UP = np.array([0.0, 1.0, 0.0])
 

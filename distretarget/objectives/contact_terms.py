@@ -14,9 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.floor import FloorSprings, add_floor, floor_energy
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
-from distretarget.ik.springs import NEGLIGIBLE, FrameSprings, Springs, is_negligible, spring_energy
+from distretarget.ik.springs import (
+    NEGLIGIBLE,
+    FloorSprings,
+    FrameSprings,
+    Springs,
+    add_floor,
+    floor_energy,
+    is_negligible,
+    spring_energy,
+)
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, F3, I1, Array
 
