@@ -19,7 +19,8 @@ from distretarget.body.shape import by_shape
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-LIMBS = tuple(tuple(side + part for part in limb) for limb in (ARM, LEG) for side in SIDES)
+# The roles of whole limbs, with collar bones and toes.
+WHOLE_LIMBS = tuple(tuple(side + part for part in limb) for limb in (ARM, LEG) for side in SIDES)
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
 # VRM's names of bones, from the trunk outwards; those of fingers follow a side and the finger's name.
 SPINE = ("spine", "chest", "upperChest")
@@ -40,7 +41,7 @@ def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy 
     (frames, joints, 3), of a motion help there. If the shape shows no body, limbs may be single bones.
     """
     named = by_names(skeleton)
-    if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
+    if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in WHOLE_LIMBS)):
         return named
     shaped = by_shape(skeleton, positions)
     if not shaped:
@@ -63,14 +64,14 @@ def _is_known(roles: Mapping[str, int], limb: Iterable[str]) -> bool:
 
 def _agree(named: Anatomy, shaped: Anatomy) -> bool:
     """Whether both have the same joints in most roles of the limbs that the names show."""
-    known = {role for limb in LIMBS if _is_known(named.roles, limb) for role in limb}
+    known = {role for limb in WHOLE_LIMBS if _is_known(named.roles, limb) for role in limb}
     shared = known & named.roles.keys() & shaped.roles.keys()
     return 2 * sum(named.roles[role] == shaped.roles[role] for role in shared) > len(shared)
 
 
 def _completed(named: Anatomy, shaped: Anatomy) -> Anatomy:
     """The anatomy by names, with limbs that it lacks taken from the one by shape."""
-    missing = [role for limb in LIMBS if not _is_known(named.roles, limb) for role in limb]
+    missing = [role for limb in WHOLE_LIMBS if not _is_known(named.roles, limb) for role in limb]
     kept = {role: joint for role, joint in named.roles.items() if role not in missing}
     taken = {*kept.values(), *named.spine, *named.neck}
     new = {role: shaped.roles[role] for role in missing if role in shaped.roles and shaped.roles[role] not in taken}
@@ -90,13 +91,13 @@ def by_humanoid(skeleton: Skeleton) -> Anatomy | None:
     upper = _chain(skeleton, joints, [hips, *spine][-1], ("neck", "head"))
     neck = (upper["neck"],) if "neck" in upper else ()
     roles = trunk_roles(hips, spine, neck, upper.get("head"))
-    for limb in LIMBS:
+    for limb in WHOLE_LIMBS:
         roles |= _chain(skeleton, joints, hips, limb)
     for side, finger in product([side for side in SIDES if f"{side}Hand" in roles], FINGERS):
         names = [f"{side}{finger}{bone}" for bone in (THUMB if finger == "Thumb" else FINGER)]
         chain = _chain(skeleton, joints, roles[f"{side}Hand"], names)
         roles |= {f"{side}{finger}{names.index(name) + 1}": joint for name, joint in chain.items()}
-    if not any(all(_is_known(roles, limb) for limb in pair) for pair in (LIMBS[:2], LIMBS[2:])):
+    if not any(all(_is_known(roles, limb) for limb in pair) for pair in (WHOLE_LIMBS[:2], WHOLE_LIMBS[2:])):
         return None
     return Anatomy(roles=roles, spine=spine, neck=neck, convention="", method="humanoid")
 
