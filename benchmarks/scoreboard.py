@@ -118,7 +118,7 @@ def _source_gaps(clip: Path, average: Path, sampling: Sampling) -> Array:
     gaps, body = source_gaps(actor.gaps, run, frames), run.matching.source
     hips, up = [leg.hip for leg in body.legs or ()], run.world.up_vector
     for arm, side in product(body.arms, SIDES):
-        if body.roles.get(f"{side}Hand") == arm.wrist:
+        if body.roles.get(f"{side}Hand") == arm.end:
             own = [hand == f"{side} hand" and part != "right hand" for hand, part in PAIRS]
             gaps[np.ix_(arm_raise(run.source[frames].positions, arm, hips, up) <= 0.0, own)] = np.nan
     return gaps

@@ -4,10 +4,9 @@ import numpy as np
 from bodies import swaying, tree_of
 
 from distretarget.ik.articulation import Articulation, Scratch, pose_body, pose_gradient, stiffness_energy
-from distretarget.ik.floor import no_floor
 from distretarget.ik.pose_solver import CopiedBones, Workspace
 from distretarget.ik.poses import part_of_joint
-from distretarget.ik.springs import FrameSprings, Springs, room_for_springs, spring_energy
+from distretarget.ik.springs import FrameSprings, Springs, no_floor, room_for_springs, spring_energy
 from distretarget.objectives.contact import TOLERANCE
 from distretarget.objectives.contact_terms import ContactFrames, NearPairs, solve_contact_frames
 
@@ -57,7 +56,7 @@ class Case:
         copy = swaying(skeleton, frames, seed=seed)
         self.parts = part_of_joint(skeleton, np.arange(joints))
         self.stiffness = draw.uniform(0.3, 1.0, self.parts.max() + 2)
-        self.body = Articulation.of(skeleton, self.parts, self.stiffness)
+        self.body = Articulation(skeleton.parents, self.parts, self.stiffness)
         self.bones = copy.positions - copy.positions[:, skeleton.parents]
         self.root = np.array(copy.positions[:, 0])
         self.springs = random_springs(draw, joints, frames)

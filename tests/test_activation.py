@@ -10,13 +10,14 @@ from scipy.spatial.transform import Rotation
 from distretarget import Body
 from distretarget.baseline.rotation_copy import RootScale, rotation_copy
 from distretarget.body.anatomy import Regions
-from distretarget.body.limbs import Arm, arm_raise, in_front_or_behind
+from distretarget.body.limbs import arm_raise, in_front_or_behind
 from distretarget.distances import distance_problem
 from distretarget.ik.springs import Springs
 from distretarget.objectives.activation import FADE, ContactSettings, SelfContact, activation
 from distretarget.objectives.contact_pairs import LEAST_PATH, STIFFNESS, CandidatePairs, ContactSearch, candidate_pairs
 from distretarget.objectives.contact_terms import LINEAR_RANGE, write_pair_spring
 from distretarget.objectives.supports import Supports, no_supports
+from distretarget.skin.limbs import Limb
 
 REACH = ContactSettings().reach
 SELF = SelfContact(lead=5.0, held=5, reach=REACH)
@@ -115,7 +116,7 @@ def test_an_activation_depends_on_its_window_only():
 
 def test_arms_hang_by_gravity_or_along_the_trunk_and_elbows_count():
     """An arm along X: shoulder, elbow, wrist, and the hip below the shoulder."""
-    arm, up = Arm(0, 1, 2), np.array([0.0, 1.0, 0.0])
+    arm, up = Limb(0, 1, 2, True), np.array([0.0, 1.0, 0.0])
     straight = np.array([[0, 0, 0], [0, -1, 0], [0, -2, 0], [0, -2, 0]], float)
 
     def of(shoulder, elbow, whole=0.0):
@@ -147,11 +148,11 @@ def test_hanging_arms_are_as_long_as_the_arms_and_below_the_shoulders():
     body = Body.of(person())
     assert len(body.arms) == 2
     for arm in body.arms:
-        hand = body.hanging[arm.wrist] - body.hanging[arm.shoulder]
-        reach = body.skeleton.paths_from(arm.shoulder)[arm.wrist]
+        hand = body.hanging[arm.end] - body.hanging[arm.top]
+        reach = body.skeleton.paths_from(arm.top)[arm.end]
         np.testing.assert_allclose(hand, -reach * body.reference.axes[:, 1], atol=1e-9)
     others = np.setdiff1d(
-        np.arange(len(body.skeleton)), [j for arm in body.arms for j in body.skeleton.subtree(arm.shoulder)]
+        np.arange(len(body.skeleton)), [j for arm in body.arms for j in body.skeleton.subtree(arm.top)]
     )
     np.testing.assert_array_equal(body.hanging[others], body.reference.positions[others])
 

@@ -9,7 +9,7 @@ import pytest
 from bodies import sample_target
 
 from distretarget import Body, Motion
-from distretarget.body.build import average_build_of
+from distretarget.body.build import capsules_by_build
 from distretarget.objectives.approach import HEAD, with_hands_on_source_side
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.skin.limbs import bent, reaching
@@ -22,7 +22,7 @@ SIDES = np.array([[0.0, 1.0, 0.0], [0.1, 0.8, 0.6], [0.5, 0.8, 0.1], [0.8, 0.4, 
 @cache
 def skin(head=1.0):
     """The average skin of the body, with a head larger by a factor."""
-    capsules = average_build_of(BODY).on(BODY)
+    capsules = capsules_by_build(BODY)
     factors = np.where(capsules.segments == HEAD, head, 1.0)[:, None]
     middles = capsules.ends.mean(axis=1, keepdims=True)
     ends = middles + factors[..., None] * (capsules.ends - middles)
@@ -101,7 +101,7 @@ def clapping(apart, passed, unit=1.0):
     source, copy = (with_hands(still, front + far * np.array([left, -left])) for far in (apart, passed))
     scaled = source.scaled(unit)
     of_source = Body.of(scaled.skeleton)
-    skins = Skins(BodySkin.of(of_source, average_build_of(of_source).on(of_source)), body)
+    skins = Skins(BodySkin.of(of_source, capsules_by_build(of_source)), body)
     clip = SimpleNamespace(source=scaled, averaged=lambda values, _: values, widened=lambda values, _: values)
     return source, copy, with_hands_on_source_side(clip, skins, copy, np.ones((len(copy), len(body.limbs))))
 

@@ -84,7 +84,7 @@ def test_imports_point_downwards_only_the_command_line_prints_and_only_the_bridg
 PLAIN = {
     "SkinnedMesh",
     "Body",
-    "Arm",
+    "Limb",
     "Leg",
     "Legs",
     "Sole",

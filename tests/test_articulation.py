@@ -32,7 +32,7 @@ def naive_positions(motion):
 def body_of(copy, stiffness=0.0):
     roots = rigid_part_roots(matched(copy.skeleton, copy.skeleton, dict.fromkeys(STILL)))
     parts = part_of_joint(copy.skeleton, roots)
-    return Articulation.of(copy.skeleton, parts, np.full(parts.max() + 2, stiffness))
+    return Articulation(copy.skeleton.parents, parts, np.full(parts.max() + 2, stiffness))
 
 
 def posed_by(v, body, copy, frame):

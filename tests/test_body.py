@@ -30,8 +30,8 @@ from zoo import CONVENTIONS, rig
 import distretarget
 from distretarget import Motion, read_bvh, retarget
 from distretarget.body.axes import axis_vector
-from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
+from distretarget.body.build import bare_mesh
 from distretarget.pipeline.performer import target_capsules
 from distretarget.skeleton import AXES
 from distretarget.skin.mesh import Looks

@@ -8,7 +8,7 @@ from capsule_bodies import capsule_surface, mesh_of
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.build import average_build_of
+from distretarget.body.build import capsules_by_build
 from distretarget.objectives.arm_overlap import ELBOW
 from distretarget.objectives.body_skin import BodySkin
 from distretarget.skin.balls import segment_gaps
@@ -17,7 +17,7 @@ from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import WRIST, bent
 
 BODY = Body.of(PERSON)
-SKIN = BodySkin.of(BODY, average_build_of(BODY).on(BODY))
+SKIN = BodySkin.of(BODY, capsules_by_build(BODY))
 HAND, BELLY = 0.03, 0.2  # radii
 
 
@@ -59,7 +59,7 @@ def test_a_forearm_gives_way_to_the_trunk_at_the_elbow_and_not_at_the_wrist(part
 
 def gap_of_hanging_arms(wide, meshed=True):
     """The least gap of hanging upper arms and forearms to a chest, a capsule that reaches so far to each side."""
-    build, across = average_build_of(BODY).on(BODY), np.array([[[-wide, -0.05, 0.0], [wide, -0.05, 0.0]]])
+    build, across = capsules_by_build(BODY), np.array([[[-wide, -0.05, 0.0], [wide, -0.05, 0.0]]])
     arms = build[np.isin(build.segments, [number for number, name in enumerate(SEGMENTS) if "arm" in name])]
     joint, segment = np.array([PERSON.index("Chest3")]), np.array([SEGMENTS.index("chest")])
     fields = zip(vars(arms).values(), (joint, across, np.array([[0.15, 0.15]]), segment), strict=True)

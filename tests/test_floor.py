@@ -4,8 +4,15 @@ import numpy as np
 import pytest
 from spring_case import Case, at
 
-from distretarget.ik.floor import FrameFloor, add_floor, depth_below, floor_energy, no_floor
-from distretarget.ik.springs import room_for_springs, spring_energy
+from distretarget.ik.springs import (
+    FloorSprings,
+    add_floor,
+    depth_below,
+    floor_energy,
+    no_floor,
+    room_for_springs,
+    spring_energy,
+)
 
 UP = np.array([0.0, 1.0, 0.0])
 
@@ -14,7 +21,7 @@ def floor_under(case, depths, stiffness=3.0):
     """A floor that the first joints of the case are so far below."""
     x = case.positions(np.zeros(case.shape))
     joints = np.arange(len(depths))
-    return FrameFloor(joints, x[joints] @ UP + depths, np.full(len(depths), stiffness), UP)
+    return FloorSprings(joints, x[joints] @ UP + depths, np.full(len(depths), stiffness), UP)
 
 
 def energy_at(case, floor, x):
@@ -69,7 +76,7 @@ def test_the_curvature_has_a_spring_for_each_joint_below():
 def test_without_a_floor_the_springs_stay_as_they_are():
     case = Case(3)
     springs, nothing = at(case.springs, 0), no_floor(1).of_frames(slice(0, 1))
-    floor = FrameFloor(nothing.joints, nothing.heights[0], nothing.stiffness[0], nothing.up)
+    floor = FloorSprings(nothing.joints, nothing.heights[0], nothing.stiffness[0], nothing.up)
     case.positions(np.zeros(case.shape))
     count, same = len(springs.a), behind(springs, 0)
     assert add_floor(case.scratch, floor, same, count) == count

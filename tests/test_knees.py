@@ -7,10 +7,9 @@ import pytest
 from bodies import LEG, PERSON, UP, body_of, matched, posed
 
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.foot_lock import find_foot_lock
-from distretarget.objectives.knees import BACKWARDS, with_straight_knees
+from distretarget.objectives.leg_bends import BACKWARDS, with_straight_knees
 
 FRAMES = 40
 
@@ -33,7 +32,7 @@ def with_bend(bend, raised):
     feet = find_foot_lock(clip)
     places = feet.places.copy()
     places[:, :2] += raised * LEG * UP
-    return clip, with_straight_knees(clip, replace(feet, places=places), limbs_of(body_of(PERSON)))
+    return clip, with_straight_knees(clip, replace(feet, places=places), body_of(PERSON).limbs)
 
 
 def test_a_knee_is_straight_and_foot_and_hips_stay():

@@ -48,7 +48,7 @@ class Solved:
         self.clip = replace(self.clip, root=self.clip.copy.root_positions)
         self.problem, self.copy, self.parts = self.clip.distances, self.clip.copy, self.clip.parts
         count = self.parts.max() + 1
-        self.body = Articulation.of(target, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
+        self.body = Articulation(target.parents, self.parts, np.append(np.full(count, PART_STIFFNESS), ROOT_STIFFNESS))
         self.scratch = Scratch.of(self.body)
         self.poses = solve_poses(self.clip, np.zeros((len(source), count + 1, 3)))
         root = self.copy.root_positions + self.poses.v[:, -1]

@@ -7,7 +7,7 @@ import pytest
 from bodies import sample, sample_target
 
 from distretarget import retarget
-from distretarget.skin.sides import cheaper
+from distretarget.skin.displacement import cheaper
 
 
 def cost(taken, forwards, backwards, change):

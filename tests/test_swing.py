@@ -9,10 +9,9 @@ from scipy.spatial.transform import Rotation
 from distretarget import Skeleton, load_target, retarget
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.soles import sole_height
-from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.foot_lock import find_foot_lock
-from distretarget.objectives.swing import CLEARANCE, SCUFF, with_swinging_feet_up
+from distretarget.objectives.leg_bends import CLEARANCE, SCUFF, with_swinging_feet_up
 
 FRAMES = 100
 TIME = np.clip((np.arange(FRAMES) - 20) / 60, 0, 1)
@@ -36,7 +35,7 @@ def swinging(bend: float, pitch: float = 0.5, knee: float = 0.0):
 def clips(source, target):
     """The clip of a motion on a skeleton as copied, and with its feet up."""
     clip = Clip.of(matched(source, target), RootScale.even(1.0))
-    return clip, with_swinging_feet_up(clip, find_foot_lock(clip), limbs_of(body_of(target)), None)
+    return clip, with_swinging_feet_up(clip, find_foot_lock(clip), body_of(target).limbs, None)
 
 
 def soles(clip):

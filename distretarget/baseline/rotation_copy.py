@@ -19,7 +19,6 @@ from distretarget.motion import Motion, motion_of_world
 from distretarget.numerics.quaternions import rotation_products
 from distretarget.numerics.rotations import least_matrix
 from distretarget.numerics.vectors import Array, Numbers, lengths, level, read_only
-from distretarget.rig import rig_cached
 
 FIRST_BONES = ("UpperArm", "UpperLeg")  # roles of the bones with which limbs begin
 FINGER_BONES = tuple(f"{finger}{number}" for finger in FINGERS for number in (1, 2, 3))
@@ -39,8 +38,7 @@ def rest_alignment(matching: Matching) -> Array:
     """
     source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
     back = source[np.maximum(matching.rotation_sources, 0)].swapaxes(-1, -2)
-    known = None if matching.rig in (None, matching) else _shared_alignments(matching)
-    turns = _joint_alignments(matching, _sole_normals(matching, source, target), known)
+    turns = _joint_alignments(matching, _sole_normals(matching, source, target))
     alignments = back @ (turns @ target)[:, None]
     quaternions = Rotation.from_matrix(alignments.reshape(-1, 3, 3)).as_quat()
     return read_only(quaternions.reshape(-1, 2, 4))
@@ -71,25 +69,9 @@ def _trunk(body: Body, roles: Mapping[int, str]) -> set[int]:
     return body.skeleton.with_ancestors([*body.skeleton.parents[limbs], *tops])
 
 
-@rig_cached
-def _shared_alignments(matching: Matching) -> Array:
-    """(target joints, 3, 3), `_joint_alignments` with the soles that rest poses show."""
-    source, target = (np.asarray(Rotation.from_quat(pose.rotations).as_matrix()) for pose in matching.poses)
-    return _joint_alignments(matching, _sole_normals(matching, source, target))
-
-
-@rig_cached
-def _shared_bones(matching: Matching) -> tuple[Numbers, Array, Array]:
-    """`Matching.shared_bones` in the poses in which the bodies are aligned."""
-    source, target = matching.poses
-    return matching.shared_bones(source.positions, target.positions)
-
-
-def _joint_alignments(
-    matching: Matching, normals: Mapping[int, tuple[Array, Array]], known: Array | None = None
-) -> Array:
+def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Array]]) -> Array:
     """(target joints, 3, 3), the rotations that align each target joint with the source, both bodies in their poses.
-    `known` alignments, made with other soles, are reused except in the feet.
+    `normals` are the `_sole_normals`.
 
     Upper arms turn first to the source's sideways axis and then to its arm, so that a target in A-pose is aligned like
     the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
@@ -100,15 +82,11 @@ def _joint_alignments(
     foot = slice(1 if in_t_pose else 0)  # the bones of an ankle that are aligned
     left, trunk = source_pose.axes[:, 0], _trunk(matching.target, roles)
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
-    upper, *directions = _shared_bones(matching)
-    feet = {below for ankle in normals for below in matching.target.skeleton.subtree(ankle)}
+    upper, *directions = matching.shared_bones(source_pose.positions, target_pose.positions)
     alignments: list[Array] = []
     parents = matching.target.skeleton.parents.tolist()
     edges = np.searchsorted(upper, range(len(parents) + 1)).tolist()
     for joint, parent in enumerate(parents):
-        if known is not None and joint not in feet:
-            alignments.append(known[joint])
-            continue
         role = roles.get(joint, "")
         b, a = (each[edges[joint] : edges[joint + 1]] for each in directions)
         turn = whole if not joint or role.endswith("Foot") else alignments[parent]

@@ -18,6 +18,8 @@ FINGERS = ("Thumb", "Index", "Middle", "Ring", "Little")
 KNUCKLES = tuple(f"{finger}1" for finger in FINGERS)
 ARM = ("Shoulder", "UpperArm", "LowerArm", "Hand")
 LEG = ("UpperLeg", "LowerLeg", "Foot", "Toes")
+# The roles of the top, the middle and the end of each limb, arms before legs.
+LIMBS = tuple(tuple(side + part for part in parts) for parts in (ARM[1:], LEG[:3]) for side in SIDES)
 
 # The parts of each region, the most important regions first. The joint at the top of the thigh is at the hips.
 REGION_PARTS = {

@@ -10,15 +10,14 @@ from types import NoneType
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.anatomy import ARM, REGION_PARTS, SIDES, Anatomy, Regions, find_regions
+from distretarget.body.anatomy import LIMBS, REGION_PARTS, SIDES, Anatomy, Regions, find_regions
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
-from distretarget.body.contradictions import corrected_anatomy, knee_bends
-from distretarget.body.limbs import Arm, Legs, find_legs, foot_bone, leg_length, tree_legs, with_hanging_arms
+from distretarget.body.limbs import Legs, find_legs, foot_bone, leg_length, tree_legs
 from distretarget.body.named_anatomy import find_handles
-from distretarget.body.recognition import find_anatomy
+from distretarget.body.recognition import corrected_anatomy, find_anatomy, front_shown
 from distretarget.body.reference_pose import FOOT_PITCH, stands_at_rest, t_pose, usual_pitch
 from distretarget.body.resting import feet_at_rest
-from distretarget.body.tree_repairs import attached_limbs
+from distretarget.body.tree_repairs import JointShift, attached_limbs
 from distretarget.checks import check_kind
 from distretarget.errors import MotionError, name_difference
 from distretarget.motion import Motion
@@ -27,6 +26,7 @@ from distretarget.numerics.time_series import Shots, find_shots
 from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.rig import CACHED_RIGS, rig_property
 from distretarget.skeleton import Skeleton
+from distretarget.skin.limbs import Limb
 
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
 UP_FROM_MOTION = 0.3  # ... or than this if the rest pose does not show the up axis [cosine]
@@ -35,6 +35,9 @@ RISES = 0.05  # a body that stands along an axis in more of the frames than this
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
+FAR = (
+    0.5  # a hips joint farther than this from the middle of the hip joints is elsewhere, as on the floor [leg lengths]
+)
 CLEAR_FEET = 0.3  # feet show the sides if their mean cosine with the front or back is larger than this [cosine]
 
 
@@ -131,10 +134,16 @@ class Body:
         return legs if legs and leg_length(self.skeleton, legs) > 0.0 else None
 
     @rig_property
-    def arms(self) -> tuple[Arm, ...]:
-        """The arms that have all three joints, left before right; none without an anatomy."""
-        arms = [self.anatomy.joints(*(side + part for part in ARM[1:])) for side in SIDES] if self.anatomy else []
-        return tuple(Arm(*arm) for arm in arms if len(arm) == len(ARM[1:]))
+    def limbs(self) -> tuple[Limb, ...]:
+        """The limbs whose three joints are known, arms before legs, left before right; none without an anatomy."""
+        own = self.roles
+        known = (roles for roles in LIMBS if own.keys() >= {*roles})
+        return tuple(Limb(own[top], own[middle], own[end], "Hand" in end) for top, middle, end in known)
+
+    @property
+    def arms(self) -> tuple[Limb, ...]:
+        """Those of the `limbs` that are arms."""
+        return tuple(limb for limb in self.limbs if limb.is_arm)
 
     @rig_property
     def leg_length(self) -> float:
@@ -160,7 +169,7 @@ class Body:
         """
         of_body, rest = self.regions.of_joint >= 0, self.skeleton.rest_positions
         for arm in self.arms:
-            of_body[[*self.skeleton.subtree(arm.shoulder)]] = False
+            of_body[[*self.skeleton.subtree(arm.top)]] = False
         if self.legs is None:
             return float(np.ptp(rest[of_body], axis=0).max())
         if self.anatomy is None or self.stands_at_rest:
@@ -310,8 +319,11 @@ class Body:
     @rig_property
     def hanging(self) -> Array:
         """(joints, 3), joint positions in the reference pose with arms hanging [file units]."""
-        places, up = self.reference.positions, self.reference.axes[:, 1]
-        return with_hanging_arms(self.skeleton, places, self.arms, up)
+        places, up = np.array(self.reference.positions), self.reference.axes[:, 1]
+        for arm in self.arms:
+            below = self.skeleton.subtree(arm.top)
+            places[below] = places[arm.top] - np.outer(self.skeleton.paths_from(arm.top)[below], up)
+        return places
 
     def _pose(self, rotations: Array) -> Pose:
         positions = self.skeleton.posed(rotations)
@@ -324,34 +336,17 @@ class Body:
     @cached_property
     def left_is_left(self) -> bool | None:
         """Whether the joints named left are on the left side of the body; None if unclear. Its front is where the feet
-        point, or without feet the knees.
+        point, at rest if it stands there, else in motion; or without feet the knees, in motion or else at rest.
         """
         if self.anatomy is None:
             return None
-        if any(foot_bone(self.skeleton, self.anatomy, side) is None for side in SIDES):
-            return self._left_by_knees
-        return self._left_at_rest if self.stands_at_rest else self._left_is_left(self.in_motion)
-
-    @rig_property
-    def _left_at_rest(self) -> bool | None:
-        return self._left_is_left(self.at_rest)
-
-    def _left_is_left(self, directions: Directions | None) -> bool | None:
-        """`left_is_left` by the feet in some postures."""
-        feet = [foot_bone(self.skeleton, self.anatomy, side) for side in SIDES] if self.anatomy else []
-        if directions is None or None in feet:
-            return None
-        forward = sum(direction(directions.positions, *foot) for foot in feet if foot)
-        cosine = float(np.mean((directions.axes[..., 2] * forward).sum(axis=-1)) / 2)
-        return cosine > 0 if abs(cosine) > CLEAR_FEET else None
-
-    @property
-    def _left_by_knees(self) -> bool | None:
-        """`left_is_left` by the knees, which bend forwards in the motion, else at rest."""
-        shown = self.in_motion or self.at_rest
+        has_feet = all(foot_bone(self.skeleton, self.anatomy, side) for side in SIDES)
+        shown = self.in_motion if has_feet else self.in_motion or self.at_rest
+        shown = self.at_rest if has_feet and self.stands_at_rest else shown
         if shown is None:
             return None
-        ahead = normalised(knee_bends(shown.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3)))
+        ahead = front_shown(self.skeleton, self.anatomy, shown.positions.reshape(-1, len(self.skeleton), 3))
+        ahead = ahead if has_feet else normalised(ahead)
         cosine = float((shown.axes[..., 2] * ahead).sum(axis=-1).mean())
         return cosine > 0 if abs(cosine) > CLEAR_FEET else None
 
@@ -385,6 +380,26 @@ class Body:
         return bool((limbs @ limbs.T).min() > BESIDE and np.abs(limbs @ trunk).max() < BESIDE)
 
     # ---- other versions of the body
+
+    @property
+    def shift_to_thighs(self) -> JointShift | None:
+        """The displacement of the hips joint to the middle of the hip joints; None if it is near already, as in most
+        files, or if the thighs do not hang from it.
+        """
+        if self.legs is None or "hips" not in self.roles:
+            return None
+        hips, thighs, rest = self.roles["hips"], [leg.hip for leg in self.legs], self.skeleton.rest_positions
+        shift = rest[thighs].mean(axis=0) - rest[hips]
+        hang = self.skeleton.common_ancestor(thighs) == hips
+        return JointShift(hips, shift) if hang and np.linalg.norm(shift) > FAR * self.leg_length else None
+
+    @property
+    def with_hips_at_thighs(self) -> Body:
+        """The body with its hips joint displaced by `shift_to_thighs`."""
+        shift = self.shift_to_thighs
+        if shift is None:
+            return self
+        return Body.of_motion(shift.motion(self.motion)) if self.motion else Body.of(shift.skeleton(self.skeleton))
 
     @property
     def mirrored(self) -> Body:

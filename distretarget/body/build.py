@@ -20,16 +20,15 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
-from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments, part_frames, proportions
 from distretarget.checks import brief_repr, check_kind
-from distretarget.numerics.vectors import Array, extent
+from distretarget.numerics.vectors import Array, Flags, Numbers, extent, lengths
 from distretarget.rig import rig_cached
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
 from distretarget.skin.fit import COVERED_HARD, Part, fit_capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import Looks, SkinnedMesh
 
 MIDDLE_PARTS = ("trunk", "neck", "head")
 BUILDS = ("adult", "child", "baby", "old", "thin", "fat", "muscular")  # the average builds
@@ -37,6 +36,7 @@ AGES = BUILDS[:3]  # the builds that bone lengths can show
 ROUND_LIMB = 1.6  # a limb gets one capsule if its width is at most this times its height
 LEGS = ("thigh", "shin")
 SAME_JOINT = 1e-4  # joints that are at most this far apart coincide [size of the body]
+REACH = 2.8  # a hand reaches no farther from the wrist; fingertips are at 1.8 on average [palms]
 # The part at the lower end of each bone.
 TIPS = {"UpperArm": "LowerArm", "LowerArm": "Hand", "UpperLeg": "LowerLeg", "LowerLeg": "Foot"}
 
@@ -154,12 +154,6 @@ def age_of(body: Body) -> str:
     return AGES[int(np.argmin(differences))]
 
 
-@rig_cached
-def average_build_of(body: Body) -> Build:
-    """Return the average build of the age that a body's bones show."""
-    return average_build(age_of(body))
-
-
 @cache
 def _averages() -> dict[str, Any]:
     """The entries of `average_builds.json`, by build."""
@@ -174,7 +168,7 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
     if body.anatomy is None:
         return no_capsules()
     if mesh is None:
-        return _with_radii(average_build_of(body).on(body), radii or {})
+        return _with_radii(capsules_by_build(body), radii or {})
     bound = body.motion.skeleton if body.motion else body.skeleton
     return _with_radii(fit_capsules(bare_mesh(body, mesh), bound, tuple(_parts(body))), radii or {})
 
@@ -182,7 +176,7 @@ def capsules_of(body: Body, mesh: SkinnedMesh | None = None, radii: Mapping[int,
 @rig_cached
 def capsules_by_build(body: Body, build: Build | None = None) -> Capsules:
     """Return the capsules of a body with a build, by default the average one for its age."""
-    return (build or average_build_of(body)).on(body)
+    return (build or average_build(age_of(body))).on(body)
 
 
 def radii_of(capsules: Capsules) -> dict[int, float]:
@@ -241,3 +235,45 @@ def _foot_axis(body: Body, side: str) -> Array | None:
         return None
     rest = body.skeleton.rest_positions
     return np.asarray(rest[leg.toe] - rest[leg.ankle])
+
+
+# ---- held props, such as swords and shields, that have no joint of their own
+
+
+def bare_mesh(body: Body, mesh: SkinnedMesh) -> SkinnedMesh:
+    """Return a mesh without held props: connected pieces that move with one hand and its forearm alone, and reach
+    farther from the wrist than a hand can. Its `whole` mesh keeps them.
+    """
+    skeleton, of_vertex, pieces = body.skeleton, find_segments(body).of_joint[mesh.carriers], mesh.pieces
+    prop = np.zeros(len(mesh.vertices), bool)
+    for part, palm in part_frames(body):
+        side, _, name = part.partition(" ")
+        if name == "palm":
+            arm = [SEGMENTS.index(f"{side} {each}") for each in ("hand", "forearm")]
+            wrist = skeleton.rest_positions[palm.carriers[0][0]]
+            far = lengths(mesh.vertices - wrist) > REACH * palm.length
+            of_hand, of_arm = of_vertex == arm[0], np.isin(of_vertex, arm)
+            prop |= _any_of_piece(pieces, of_hand & far) & ~_any_of_piece(pieces, ~of_arm)
+    return _without(mesh, prop) if prop.any() else mesh
+
+
+def _any_of_piece(pieces: Numbers, chosen: Flags) -> Flags:
+    """(vertices,), whether the piece of each vertex has a chosen vertex."""
+    return np.asarray(np.bincount(pieces, chosen, minlength=len(pieces))[pieces] > 0)
+
+
+def _without(mesh: SkinnedMesh, removed: Flags) -> SkinnedMesh:
+    """A mesh without some vertices, and without the triangles on them."""
+    kept = ~removed
+    index = np.cumsum(kept) - 1
+    kept_triangles = kept[mesh.triangles].all(axis=1)
+    looks = mesh.looks and Looks(mesh.looks.materials, mesh.looks.of_triangle[kept_triangles], mesh.looks.uv[kept])
+    return replace(
+        mesh,
+        vertices=mesh.vertices[kept],
+        joints=mesh.joints[kept],
+        weights=mesh.weights[kept],
+        triangles=index[mesh.triangles[kept_triangles]],
+        looks=looks,
+        whole=mesh.whole or mesh,
+    )

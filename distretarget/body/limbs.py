@@ -12,6 +12,7 @@ from distretarget.body.axes import perpendicular
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, lengths, normalised
 from distretarget.skeleton import Skeleton
+from distretarget.skin.limbs import Limb
 
 LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
 SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
@@ -179,24 +180,6 @@ def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
     return float(np.mean([skeleton.paths_from(leg.hip)[leg.ankle] for leg in legs]))
 
 
-@dataclass(frozen=True)
-class Arm:
-    """The joints of an arm."""
-
-    shoulder: int  # the upper end of the upper arm
-    elbow: int
-    wrist: int
-
-
-def with_hanging_arms(skeleton: Skeleton, places: Array, arms: tuple[Arm, ...], up: Array) -> Array:
-    """Return joint positions, (joints, 3) [file units], with arms straight down from the shoulders; `up` is (3,)."""
-    places = np.array(places)
-    for arm in arms:
-        below = skeleton.subtree(arm.shoulder)
-        places[below] = places[arm.shoulder] - np.outer(skeleton.paths_from(arm.shoulder)[below], up)
-    return places
-
-
 def hanging_distances(hanging: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
     """Return D of joints u and v, (pairs,) each, over the path lengths `tau`, (pairs,), in a body with hanging arms,
     whose joints are at `hanging`, (joints, 3).
@@ -204,17 +187,17 @@ def hanging_distances(hanging: Array, u: Numbers, v: Numbers, tau: Array) -> Arr
     return lengths(hanging[u] - hanging[v]) / tau
 
 
-def arm_raise(positions: Array, arm: Arm, hips: list[int], up: Array) -> Array:
+def arm_raise(positions: Array, arm: Limb, hips: list[int], up: Array) -> Array:
     """Return how far an arm is raised or bent in each frame, (frames,): 0 while it hangs, 1 from the angle `RAISED` on.
 
     The angle is that of the upper arm from straight down, by gravity or along the trunk, whichever is less, plus that
     of the elbow. `positions`, (frames, joints, 3), are the body's; `hips` its hip joints; `up` the unit vector up.
     """
-    upper = positions[:, arm.elbow] - positions[:, arm.shoulder]
-    lower = positions[:, arm.wrist] - positions[:, arm.elbow]
+    upper = positions[:, arm.middle] - positions[:, arm.top]
+    lower = positions[:, arm.end] - positions[:, arm.middle]
     angle = angles_between(upper, np.broadcast_to(-up, upper.shape))
     if hips:
-        trunk = positions[:, hips].mean(axis=1) - positions[:, arm.shoulder]
+        trunk = positions[:, hips].mean(axis=1) - positions[:, arm.top]
         angle = np.minimum(angle, angles_between(upper, trunk))
     return smoothstep((angle + angles_between(upper, lower) - RELAXED) / (RAISED - RELAXED))
 

@@ -1,4 +1,6 @@
-"""The anatomy of a skeleton: by the file's humanoid, by names, by shape, or by names and shape."""
+"""The anatomy of a skeleton: by the file's humanoid, by names, by shape, or by names and shape; corrected where names
+contradict the geometry of the body: arms or legs named for the other side, and toes named below the ankle.
+"""
 
 from __future__ import annotations
 
@@ -6,19 +8,30 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from itertools import product
 
-from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, trunk_roles
+import numpy as np
+
+from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, side_and_part, trunk_roles
+from distretarget.body.axes import Directions, direction
 from distretarget.body.conventions import NamedTree
+from distretarget.body.limbs import foot_bone
 from distretarget.body.named_anatomy import by_tree, with_named_fingers
 from distretarget.body.shape import by_shape
-from distretarget.numerics.vectors import Array
+from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
-LIMBS = tuple(tuple(side + part for part in limb) for limb in (ARM, LEG) for side in SIDES)
+# The roles of whole limbs, with collar bones and toes.
+WHOLE_LIMBS = tuple(tuple(side + part for part in limb) for limb in (ARM, LEG) for side in SIDES)
 LONG_BONES = ("UpperArm", "LowerArm", "UpperLeg", "LowerLeg")
 # VRM's names of bones, from the trunk outwards; those of fingers follow a side and the finger's name.
 SPINE = ("spine", "chest", "upperChest")
 FINGER = ("Proximal", "Intermediate", "Distal")
 THUMB = ("Metacarpal", "Proximal", "Distal")
+
+ALONG = np.cos(np.radians(12))  # a joint within this angle of the shin is no ball of the foot [cosine] ...
+AHEAD = np.cos(np.radians(45))  # ... if the next bone points ahead by more than this angle [cosine]
+BENT_LESS = 75.0  # percentile of the cosines over the frames that counts, at which the ankle bends little [%]
+OPPOSITE = -0.7  # arms and legs are named for opposite sides below this cosine of shoulder and hip line [cosine]
+BENT = 0.05  # mean distance of a bent knee from the middle of hip and ankle is larger [distances of hip and ankle]
 
 
 def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | None:
@@ -28,7 +41,7 @@ def find_anatomy(skeleton: Skeleton, positions: Array | None = None) -> Anatomy 
     (frames, joints, 3), of a motion help there. If the shape shows no body, limbs may be single bones.
     """
     named = by_names(skeleton)
-    if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in LIMBS)):
+    if named and (named.method == "humanoid" or all(_is_known(named.roles, limb) for limb in WHOLE_LIMBS)):
         return named
     shaped = by_shape(skeleton, positions)
     if not shaped:
@@ -51,14 +64,14 @@ def _is_known(roles: Mapping[str, int], limb: Iterable[str]) -> bool:
 
 def _agree(named: Anatomy, shaped: Anatomy) -> bool:
     """Whether both have the same joints in most roles of the limbs that the names show."""
-    known = {role for limb in LIMBS if _is_known(named.roles, limb) for role in limb}
+    known = {role for limb in WHOLE_LIMBS if _is_known(named.roles, limb) for role in limb}
     shared = known & named.roles.keys() & shaped.roles.keys()
     return 2 * sum(named.roles[role] == shaped.roles[role] for role in shared) > len(shared)
 
 
 def _completed(named: Anatomy, shaped: Anatomy) -> Anatomy:
     """The anatomy by names, with limbs that it lacks taken from the one by shape."""
-    missing = [role for limb in LIMBS if not _is_known(named.roles, limb) for role in limb]
+    missing = [role for limb in WHOLE_LIMBS if not _is_known(named.roles, limb) for role in limb]
     kept = {role: joint for role, joint in named.roles.items() if role not in missing}
     taken = {*kept.values(), *named.spine, *named.neck}
     new = {role: shaped.roles[role] for role in missing if role in shaped.roles and shaped.roles[role] not in taken}
@@ -78,13 +91,13 @@ def by_humanoid(skeleton: Skeleton) -> Anatomy | None:
     upper = _chain(skeleton, joints, [hips, *spine][-1], ("neck", "head"))
     neck = (upper["neck"],) if "neck" in upper else ()
     roles = trunk_roles(hips, spine, neck, upper.get("head"))
-    for limb in LIMBS:
+    for limb in WHOLE_LIMBS:
         roles |= _chain(skeleton, joints, hips, limb)
     for side, finger in product([side for side in SIDES if f"{side}Hand" in roles], FINGERS):
         names = [f"{side}{finger}{bone}" for bone in (THUMB if finger == "Thumb" else FINGER)]
         chain = _chain(skeleton, joints, roles[f"{side}Hand"], names)
         roles |= {f"{side}{finger}{names.index(name) + 1}": joint for name, joint in chain.items()}
-    if not any(all(_is_known(roles, limb) for limb in pair) for pair in (LIMBS[:2], LIMBS[2:])):
+    if not any(all(_is_known(roles, limb) for limb in pair) for pair in (WHOLE_LIMBS[:2], WHOLE_LIMBS[2:])):
         return None
     return Anatomy(roles=roles, spine=spine, neck=neck, convention="", method="humanoid")
 
@@ -97,3 +110,91 @@ def _chain(skeleton: Skeleton, joints: Mapping[str, int], above: int, bones: Ite
         if joint is not None and above in skeleton.to_root(joint)[1:]:
             found[bone] = above = joint
     return found
+
+
+# ---- corrections
+
+
+def corrected_anatomy(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Anatomy:
+    """Return an anatomy with wrong sides and toes corrected, from `positions`, (..., joints, 3), of postures in most of
+    which the body stands.
+    """
+    places = positions.reshape(-1, len(skeleton), 3)
+    anatomy = with_correct_sides(skeleton, anatomy, places)
+    toes = {f"{side}Toes": _toes_farther_down(skeleton, anatomy, side, places) for side in SIDES}
+    found = {role: joint for role, joint in toes.items() if joint is not None}
+    return replace(anatomy, roles={**anatomy.roles, **found}) if found else anatomy
+
+
+def _toes_farther_down(skeleton: Skeleton, anatomy: Anatomy, side: str, places: Array) -> int | None:
+    """The joint at the end of the foot's first bone that points ahead, if the joint named for the toes, or else the
+    only child of the ankle, continues the shin: some rigs have a joint in heel or middle of the foot. Else None.
+    """
+    knee, ankle = (anatomy.roles.get(side + part) for part in ("LowerLeg", "Foot"))
+    if knee is None or ankle is None:
+        return None
+    shin, found = direction(places, knee, ankle), None
+    below = anatomy.roles.get(f"{side}Toes", _only_child(skeleton, ankle))
+    while below is not None and _along(places, shin, ankle, below) > ALONG:
+        onward = _only_child(skeleton, below)
+        if onward is None or _along(places, shin, below, onward) > AHEAD:
+            break
+        found = below = onward
+    return found
+
+
+def _along(places: Array, shin: Array, upper: int, lower: int) -> float:
+    """The cosine between a bone and the directions of the shin, (frames, 3): a percentile over the frames."""
+    return float(np.percentile((direction(places, upper, lower) * shin).sum(axis=1), BENT_LESS))
+
+
+def _only_child(skeleton: Skeleton, joint: int) -> int | None:
+    """The child of a joint that has a single one; else None."""
+    children = skeleton.children[joint]
+    return children[0] if len(children) == 1 else None
+
+
+def with_correct_sides(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Anatomy:
+    """Return an anatomy with left and right swapped in arms or legs, if names put these on opposite sides.
+
+    The pair that contradicts the front of the body is swapped. Feet, or else knees, show the front in `positions`,
+    (frames, joints, 3), of postures in most of which the body stands; if neither does, the arms are swapped.
+    """
+    shown = Directions(anatomy, positions)
+    shoulders, hips = (shown.across(part) for part in ("UpperArm", "UpperLeg"))
+    if shoulders is None or hips is None or _cosine(shoulders, hips) > OPPOSITE:
+        return anatomy
+    left = cross(shown.trunk, front_shown(skeleton, anatomy, positions))
+    wrong = "legs" if (hips * left).sum() < 0.0 else "arms"
+    other = dict(zip(SIDES, SIDES[::-1], strict=True))
+    roles = {}
+    for role, joint in anatomy.roles.items():
+        side, part = side_and_part(role)
+        of_limb = side and (part in LEG) == (wrong == "legs")
+        roles[other[side] + part if of_limb else role] = joint
+    return replace(anatomy, roles=roles, swapped_sides=wrong)
+
+
+def front_shown(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Array:
+    """Return the mean direction of both feet, (frames, 3); if one is missing, the mean displacement of both knees from
+    the middle of hip and ankle [hip to ankle], or 0 if it is tiny.
+    """
+    feet = [foot_bone(skeleton, anatomy, side) for side in SIDES]
+    if None not in feet:
+        return np.asarray(sum(direction(positions, *foot) for foot in feet if foot)) / 2
+    legs = [anatomy.joints(*(side + part for part in LEG[:3])) for side in SIDES]
+    if any(len(leg) < 3 for leg in legs):
+        return np.zeros((len(positions), 3))
+    x = [positions[:, leg] for leg in legs]
+    ahead = np.mean([(each[:, 1] - 0.5 * (each[:, 0] + each[:, 2])) / _hip_to_ankle(each) for each in x], axis=0)
+    return ahead if lengths(ahead).mean() > BENT else np.zeros_like(ahead)
+
+
+def _hip_to_ankle(leg: Array) -> float:
+    """The mean distance of hip and ankle; above 0."""
+    return max(float(lengths(leg[:, 2] - leg[:, 0]).mean()), 1e-300)
+
+
+def _cosine(one: Array, other: Array) -> float:
+    """The mean cosine of the angle between vectors, (frames, 3) each."""
+    return float((normalised(one) * normalised(other)).sum(axis=1).mean())

@@ -13,7 +13,7 @@ from functools import partial
 
 import numpy as np
 
-from distretarget.body.anatomy import ARM, LEG, SIDES, Anatomy
+from distretarget.body.anatomy import LIMBS, Anatomy
 from distretarget.body.body import Body
 from distretarget.body.conventions import NamedTree
 from distretarget.body.limbs import Leg
@@ -24,10 +24,9 @@ from distretarget.numerics.moving import averaged
 from distretarget.numerics.time_series import by_shot, smoothstep
 from distretarget.numerics.vectors import Array, angles_between, lengths, level, normalised
 from distretarget.skeleton import SMALLEST, Skeleton
-from distretarget.skin.limbs import Limb, bent
+from distretarget.skin.limbs import bent
 from distretarget.skin.mesh import MeshReader
 
-PARTS = tuple(tuple(side + part for part in parts) for parts in (ARM[1:], LEG[:3]) for side in SIDES)
 # The body stands on a leg within the first angle of straight down, and not on one beyond the second [rad].
 STANDING, RAISED = np.radians(25), np.radians(45)
 RISE_BLEND = 0.1  # the rise is averaged over this time before and after a frame [s]
@@ -36,7 +35,7 @@ RISE_BLEND = 0.1  # the rise is averaged over this time before and after a frame
 def single_bones(anatomy: Anatomy | None) -> Iterator[tuple[str, ...]]:
     """Yield the roles of upper bone, lower bone and end of each limb of an anatomy without a lower bone."""
     roles = anatomy.roles if anatomy else {}
-    return (parts for parts in PARTS if parts[0] in roles and parts[1] not in roles)
+    return (parts for parts in LIMBS if parts[0] in roles and parts[1] not in roles)
 
 
 def with_ends(skeleton: Skeleton, mesh: MeshReader) -> Skeleton:
@@ -76,8 +75,8 @@ def on_ends(motion: Motion, mesh: MeshReader) -> Motion:
 def straightened(source: Body, target: Body) -> Body:
     """Return the source with limbs straightened that are single bones on the target."""
     motion, roles, up = source.motion, source.roles, source.up_vector
-    known = (parts for parts in single_bones(target.anatomy) if roles.keys() >= {*parts})
-    limbs = [Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known]
+    known = {roles.get(top) for top, *_ in single_bones(target.anatomy)}
+    limbs = [limb for limb in source.limbs if limb.top in known]
     if motion is None or not limbs:
         return source
     legs, low = {leg.hip: leg for leg in source.legs or ()}, np.zeros((len(motion), len(limbs)))

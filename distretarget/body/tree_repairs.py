@@ -1,5 +1,5 @@
 """Repairs of a joint tree: feet and hands that hang from the root, as in baked IK rigs, move below shin and forearm;
-twins, joints at one place of which any may turn, become one joint.
+twins, joints at one place of which any may turn, become one joint; a joint moves to another place.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ from distretarget.body.conventions import NamedTree, name_meanings
 from distretarget.body.limbs import is_bend
 from distretarget.body.named_anatomy import by_tree
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Numbers, extent, lengths
+from distretarget.numerics.quaternions import turned_by
+from distretarget.numerics.vectors import Array, Numbers, extent, lengths
 from distretarget.skeleton import ROTATION_CHANNELS, Skeleton, same_up_to_scale
 
 SHORTEST, LONGEST = 0.4, 1.6  # length of a lower bone: 0.45 in CMU's subject 5 [lengths of the upper bone]
@@ -30,16 +31,10 @@ NEAR = 1e-6  # a twin is at most this far from its parent [longest paths]
 STILL = 1e-6  # a joint that turns by less never turns [half angles, rad]
 
 
-class DetachedLimb(NamedTuple):
-    """A foot or hand that does not hang from its limb in the file."""
-
-    joint: int
-    above: int  # the knee or elbow from which it should hang
-
-
-def detached_limbs(skeleton: Skeleton, motion: Motion | None = None) -> Iterator[DetachedLimb]:
+def _detached_limbs(skeleton: Skeleton, motion: Motion | None) -> Iterator[tuple[int, int]]:
     """Yield the feet and hands of a skeleton that do not hang from their limb, but have its name and are at its end in
-    all frames of a motion, or without one in the rest pose. A file with a `humanoid` has none.
+    all frames of a motion, or without one in the rest pose, each with the knee or elbow above it. A file with a
+    `humanoid` has none.
     """
     tree = NamedTree.of(skeleton)
     anatomy = None if skeleton.humanoid else by_tree(tree)
@@ -55,7 +50,7 @@ def detached_limbs(skeleton: Skeleton, motion: Motion | None = None) -> Iterator
             is_named = meanings.names[joint].side == side and part in meanings.parts(joint)
             apart = upper not in skeleton.to_root(joint) and joint not in skeleton.to_root(lower)
             if is_named and apart and _is_limb_end(skeleton, motion, upper, lower, joint):
-                yield DetachedLimb(joint, lower)
+                yield joint, lower
                 break
 
 
@@ -118,7 +113,7 @@ def attached_limbs(skeleton: Skeleton, motion: Motion | None = None) -> Reparent
     """Return the skeleton with feet and hands attached to shin and forearm, with rotation channels only; None if they
     are attached already. A motion, if given, shows where they are.
     """
-    detached = [*detached_limbs(skeleton, motion)]
+    detached = [*_detached_limbs(skeleton, motion)]
     if not detached:
         return None
     channels = dict(enumerate(skeleton.channels))
@@ -222,3 +217,33 @@ def _has_name_of(one: str, other: str) -> bool:
         if is_word and short[:first] + word + short[first:] == name:
             return True
     return False
+
+
+# ---- a joint at another place
+
+
+class JointShift(NamedTuple):
+    """The displacement of a joint in its own axes; its rotation and all other joints stay as they are."""
+
+    joint: int
+    shift: Array  # (3,), in the joint's own axes [file units]
+
+    @property
+    def inverse(self) -> JointShift:
+        """The opposite displacement."""
+        return JointShift(self.joint, -self.shift)
+
+    def skeleton(self, skeleton: Skeleton) -> Skeleton:
+        """Return a skeleton with the joint displaced; the root's OFFSET stays, as it is no bone."""
+        offsets = np.array(skeleton.offsets)
+        offsets[list(skeleton.children[self.joint])] -= self.shift
+        offsets[self.joint] += self.shift * (self.joint > 0)
+        return skeleton.with_offsets(offsets)
+
+    def motion(self, motion: Motion) -> Motion:
+        """Return a motion with the joint displaced."""
+        joint, translations = self.joint, motion.translations
+        translations[:, list(motion.skeleton.children[joint])] -= self.shift
+        translations[:, joint] += turned_by(np.ascontiguousarray(motion.rotations[:, joint]), self.shift)
+        skeleton = self.skeleton(motion.skeleton)
+        return Motion.of_translations(skeleton, translations, motion.rotations, motion.frame_time_text)

@@ -16,13 +16,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.tree_repairs import Reparented, attached_limbs, reparented
+from distretarget.body.tree_repairs import Reparented, reparented
 from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.motion import Motion, in_float32, single_precision
@@ -51,9 +51,9 @@ SIDE_LETTERS = ("L", "R")
 
 @dataclass(frozen=True, eq=False)
 class Character:
-    """A skeleton whose joints are nodes of a file."""
+    """A skeleton whose joints are nodes of a file, in its tree or, after repairs, in another one."""
 
-    skeleton: Skeleton  # in the bind pose, in the world of the file [file units]
+    in_file: Skeleton  # the root and all nodes below, in the bind pose, in the world of the file [file units]
     nodes: NDArray[np.intp]  # the nodes above the root, from the top, then the node of each joint
     shown: Nodes  # these nodes with their transforms in the file
     binds: Array  # (nodes, 4), their world rotations in the bind pose, Q; those above the root as in the file
@@ -61,17 +61,26 @@ class Character:
     scales: Array  # (nodes,), their scales in the world; negative where they mirror
     origin: Array  # (3,), the position of the node above the root; 0 if there is none [file units]
     warnings: tuple[str, ...]  # a line on each thing in the file that is lost
+    repairs: tuple[Reparented, ...] = ()  # of the skeleton in the file, each of what the one before made
+
+    @property
+    def skeleton(self) -> Skeleton:
+        """The skeleton with all repairs."""
+        return self.repairs[-1].skeleton if self.repairs else self.in_file
 
     @property
     def joint_nodes(self) -> NDArray[np.intp]:
         """(joints,), the node of each joint of the skeleton."""
-        return self.nodes[self._above :]
+        nodes = self.nodes[self._above :]
+        for repair in self.repairs:
+            nodes = nodes[repair.joints]
+        return nodes
 
     @property
     def bind_transforms(self) -> Mapping[int, Array]:
         """The world transform, (4, 4), of each of the nodes in the bind pose, the skeleton's rest pose."""
         transforms = replace(self.shown, rotations=self.locals).transforms
-        places = self.skeleton.rest_positions + self.skeleton.offsets[0]
+        places = self.in_file.rest_positions + self.in_file.offsets[0]
         for node, parent in enumerate(self.shown.parents.tolist()):
             if parent >= 0:
                 transforms[node] = transforms[parent] @ transforms[node]
@@ -82,7 +91,7 @@ class Character:
     @property
     def _above(self) -> int:
         """The number of nodes above the root."""
-        return len(self.nodes) - len(self.skeleton)
+        return len(self.nodes) - len(self.in_file)
 
     @property
     def _parent_binds(self) -> Rotation:
@@ -99,19 +108,22 @@ class Character:
         frames, count = animation.frames, len(self.nodes)
         if frames * count > max(FREE_POSES, size):
             raise FileError("", f"{frames} frames of {count} joints are too many for a file of {size} bytes")
-        joints = len(self.skeleton)
+        joints = len(self.in_file)
         rotations, moved = np.empty((frames, joints, 4)), np.empty((frames, joints, 3))
         for first in range(0, frames, max(BLOCK // count, 1)):
             block = slice(first, first + max(BLOCK // count, 1))
             rotations[block], moved[block] = self._local(animation, block)
         if not extent(moved) <= LARGEST:
             raise FileError("", f"its animation leads beyond {LARGEST:g}; expected smaller translations")
-        offsets = self.skeleton.offsets  # the translations of joints that are at them but for rounding
+        offsets = self.in_file.offsets  # the translations of joints that are at them but for rounding
         away = [lengths(moved[:, joint] - offset).max(initial=0.0) for joint, offset in enumerate(offsets)]
-        still = np.array(away) < SAME_PLACE * extent(self.skeleton.rest_positions)
+        still = np.array(away) < SAME_PLACE * extent(self.in_file.rest_positions)
         still[0] = False
         moved[:, still] = offsets[still]
-        return Motion.of_translations(self.skeleton, moved, rotations, animation.frame_time_text)
+        motion = Motion.of_translations(self.in_file, moved, rotations, animation.frame_time_text)
+        for repair in self.repairs:
+            motion = repair.motion(motion)
+        return motion
 
     def _local(self, animation: Animation, block: slice) -> tuple[Array, Array]:
         """Rotations and translations of joints from their parents, (frames, joints, 4 and 3), in a block of frames."""
@@ -134,7 +146,12 @@ class Character:
         return rotations[:, self._above :], moved[:, self._above :]
 
     def animation(self, motion: Motion, name: str) -> Animation:
-        """Return a motion of the skeleton as an animation of the nodes that turn or move."""
+        """Return a motion of the skeleton as an animation of the nodes that turn or move. Joints that are repaired to
+        hang from others get keys of translation.
+        """
+        trees = [self.in_file, *(repair.skeleton for repair in self.repairs)]
+        for repair, tree in reversed([*zip(self.repairs, trees, strict=False)]):
+            motion = _in_tree(tree, motion, repair.joints)
         joints = slice(self._above, None)
         parents, scales = self._parent_binds[joints], self._parent_scales[joints, None]
         own = Rotation.from_quat(self.locals[joints])
@@ -145,8 +162,8 @@ class Character:
         cosines = np.abs((rotations * self.shown.rotations[joints]).sum(axis=2))
         away = (lengths(translations - self.shown.translations[joints]) * np.abs(scales[:, 0])).max(axis=0)
         turning = (1.0 - cosines).max(axis=0) > SAME_TURN
-        moving = away > SAME_PLACE * extent(self.skeleton.rest_positions)
-        nodes, posed = self.joint_nodes.tolist(), frozenset(self.nodes.tolist())
+        moving = away > SAME_PLACE * extent(self.in_file.rest_positions)
+        nodes, posed = self.nodes[joints].tolist(), frozenset(self.nodes.tolist())
         moves = {nodes[joint]: translations[:, joint] for joint in np.flatnonzero(moving)}
         turns = {nodes[joint]: rotations[:, joint] for joint in np.flatnonzero(turning)}
         return Animation(name, len(motion), motion.frame_time_text, moves, turns, posed=posed)
@@ -158,76 +175,37 @@ class Character:
         return replace(single_precision(motion), root_positions=parent.apply(in_float32(path) * scale) + self.origin)
 
 
-@dataclass(frozen=True, eq=False)
-class DeformCharacter(Character):
-    """A character whose joints are some of the nodes, in another tree; bones below controls get keys of translation."""
-
-    whole: Character  # the character with all nodes as joints
-    bones: NDArray[np.intp]  # (joints,), the joint of the whole character that each joint is
-
-    @property
-    def joint_nodes(self) -> NDArray[np.intp]:
-        """(joints,), the node of each joint of the skeleton."""
-        return self.whole.joint_nodes[self.bones]
-
-    @property
-    def bind_transforms(self) -> Mapping[int, Array]:
-        """The `bind_transforms` of the whole character."""
-        return self.whole.bind_transforms
-
-    def motion(self, animation: Animation, size: int) -> Motion:
-        """Return an animation of the nodes as a motion of the skeleton; arguments and errors as in `Character`."""
-        return Reparented(self.skeleton, self.bones).motion(self.whole.motion(animation, size))
-
-    def animation(self, motion: Motion, name: str) -> Animation:
-        """Return a motion of the skeleton as an animation of the nodes that turn or move."""
-        skeleton = self.whole.skeleton
-        above, places = self._above_in_file(motion)
-        rotations = np.tile(skeleton.rest_rotations, (len(motion), 1, 1))
-        translations = np.tile(skeleton.offsets, (len(motion), 1, 1))
-        rotations[:, self.bones] = (above.inv() * Rotation.from_quat(motion.world_rotations)).as_quat()
-        translations[:, self.bones] = above.inv().apply(motion.positions - places)
-        moved = Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
-        return self.whole.animation(moved, name)
-
-    def _above_in_file(self, motion: Motion) -> tuple[Rotation, Array]:
-        """World rotations and positions of each bone's parent in the file, which moves with the nearest bone above."""
-        skeleton = self.whole.skeleton
-        joints = {bone: joint for joint, bone in enumerate(self.bones.tolist())}
-        lines = [skeleton.to_root(bone)[1:] for bone in joints]
-        parents = np.array([line[0] if line else -1 for line in lines])
-        bearers = np.array([next((joints[bone] for bone in line if bone in joints), -1) for line in lines])
-        rest = np.vstack([skeleton.rest_positions + skeleton.offsets[0], np.zeros(3)])
-        offsets = rest[parents] - rest[np.append(self.bones, -1)[bearers]]
-        still = np.tile(IDENTITY, (len(motion), 1, 1))
-        above = Rotation.from_quat(np.concatenate([motion.world_rotations, still], axis=1)[:, bearers])
-        places = np.concatenate([motion.positions, np.zeros((len(motion), 1, 3))], axis=1)[:, bearers]
-        return above, places + above.apply(np.broadcast_to(offsets, places.shape))
+def _in_tree(skeleton: Skeleton, motion: Motion, bones: NDArray[np.intp]) -> Motion:
+    """The motion of a skeleton whose joints `bones`, (joints,), are the joints of another motion in the world. Each of
+    the others moves with the nearest bone above it.
+    """
+    joints = {bone: joint for joint, bone in enumerate(bones.tolist())}
+    lines = [skeleton.to_root(bone)[1:] for bone in joints]
+    parents = np.array([line[0] if line else -1 for line in lines])
+    bearers = np.array([next((joints[bone] for bone in line if bone in joints), -1) for line in lines])
+    rest = np.vstack([skeleton.rest_positions + skeleton.offsets[0], np.zeros(3)])
+    offsets = rest[parents] - rest[np.append(bones, -1)[bearers]]
+    still, world = np.tile(IDENTITY, (len(motion), 1, 1)), motion.world_rotations
+    above = Rotation.from_quat(np.concatenate([world, still], axis=1)[:, bearers])
+    places = np.concatenate([motion.positions, np.zeros((len(motion), 1, 3))], axis=1)[:, bearers]
+    places = places + above.apply(np.broadcast_to(offsets, places.shape))
+    rotations = np.tile(skeleton.rest_rotations, (len(motion), 1, 1))
+    translations = np.tile(skeleton.offsets, (len(motion), 1, 1))
+    rotations[:, bones] = (above.inv() * Rotation.from_quat(world)).as_quat()
+    translations[:, bones] = above.inv().apply(motion.positions - places)
+    return Motion.of_translations(skeleton, translations, rotations, motion.frame_time_text)
 
 
-def with_deform_bones(character: Character) -> Character:
-    """Return the character with deform bones (`DEF-`) as joints if the file has them among controls; else the same."""
-    whole = character.skeleton
-    tree = {} if whole.humanoid else dict(deform_tree(whole.names, whole.parents.tolist()))
+def deform_bones(skeleton: Skeleton) -> Reparented | None:
+    """Return the skeleton with deform bones (`DEF-`) as joints if it has them among controls; None if it has not."""
+    tree = {} if skeleton.humanoid else dict(deform_tree(skeleton.names, skeleton.parents.tolist()))
     if not tree:
-        return character
+        return None
     if sum(parent < 0 for parent in tree.values()) > 1:
         tree = {bone: max(parent, 0) for bone, parent in tree.items()} | {0: -1}
-    turns = {bone: tuple(each for each in whole.channels[bone] if each in ROTATION_CHANNELS) for bone in tree}
+    turns = {bone: tuple(each for each in skeleton.channels[bone] if each in ROTATION_CHANNELS) for bone in tree}
     root = next(bone for bone, parent in tree.items() if parent < 0)
-    return _reparented(character, reparented(whole, tree, turns | {root: (*POSITION_CHANNELS, *turns[root])}))
-
-
-def with_attached_limbs(character: Character) -> Character:
-    """Return the character with feet and hands attached to shins and forearms if they are not in the file."""
-    tree = attached_limbs(character.skeleton)
-    return _reparented(character, tree) if tree else character
-
-
-def _reparented(character: Character, tree: Reparented) -> DeformCharacter:
-    """The character with a reparented skeleton."""
-    same = {entry.name: getattr(character, entry.name) for entry in fields(character)}
-    return DeformCharacter(**same | {"skeleton": tree.skeleton}, whole=character, bones=tree.joints)
+    return reparented(skeleton, tree, turns | {root: (*POSITION_CHANNELS, *turns[root])})
 
 
 def deform_tree(names: Sequence[str], parents: Sequence[int]) -> Mapping[int, int]:

@@ -19,7 +19,8 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.conventions import NamedTree
 from distretarget.body.named_anatomy import by_tree
 from distretarget.body.recognition import by_names
-from distretarget.character.character import Character, with_attached_limbs, with_deform_bones
+from distretarget.body.tree_repairs import attached_limbs
+from distretarget.character.character import Character, deform_bones
 from distretarget.character.nodes import CharacterScene, Nodes, SkinBinding
 from distretarget.errors import FileError, counted, cut, in_file, quoted
 from distretarget.numerics.rotations import nearest_rotations
@@ -203,7 +204,10 @@ def character_of(scene: CharacterScene) -> Character:
     warnings = (*scene.notes, *left_out, *_scale_warnings(scene, line, hidden))
     with in_file(scene.path):
         character = _character(scene, line, shown, _bind_transforms(shown, poses, size), len(above), warnings)
-        return with_attached_limbs(with_deform_bones(character))
+        for repaired in (deform_bones, attached_limbs):
+            if tree := repaired(character.skeleton):
+                character = replace(character, repairs=(*character.repairs, tree))
+        return character
 
 
 def _without_flat_scales(scene: CharacterScene) -> tuple[CharacterScene, NDArray[np.bool_]]:
@@ -283,7 +287,7 @@ def _character(
     mirrors = np.sign(shown.scales)
     flips = Rotation.from_matrix(np.prod(mirrors, axis=1)[:, None, None] * np.eye(3) * mirrors[:, None])
     return Character(
-        skeleton=_skeleton(scene, line[above:], world[above:, :3, 3]),
+        in_file=_skeleton(scene, line[above:], world[above:, :3, 3]),
         nodes=np.array(line),
         shown=shown,
         binds=binds.as_quat(),

@@ -12,8 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.vectors import F1, F2, I1, Array, Numbers
-from distretarget.skeleton import Skeleton
+from distretarget.numerics.vectors import F1, F2, I1, Array
 
 SMALL = 1e-8  # [rad^2] below this squared angle, Taylor series replace sine and cosine
 
@@ -24,11 +23,6 @@ class Articulation(NamedTuple):
     parents: I1  # (joints,), -1 for the root
     parts: I1  # (joints,), the part that carries the bones below each joint
     stiffness: F1  # (parts + 1,), h, of each part's rotation against the rotation copy; last, of the root's path
-
-    @classmethod
-    def of(cls, skeleton: Skeleton, parts: Numbers, stiffness: Array) -> Articulation:
-        """The articulation of a skeleton."""
-        return cls(skeleton.parents, parts, stiffness)
 
 
 class Scratch(NamedTuple):

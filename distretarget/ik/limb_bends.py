@@ -13,8 +13,7 @@ return. Gauss-Newton steps with a banded Cholesky factor continue around frames 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -74,9 +73,17 @@ def bends(
     room, w = LimbWorkspace.of(balls, zones, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
     of_pair = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]  # the limb of each pair's balls
-    for arms in np.unique(are_arms):  # legs first
-        own = np.flatnonzero(are_arms == arms)
-        limbs = _Limbs(own, balls, displaced, zones, frames, w, reach, room)
+
+    def write(own: Numbers, columns: Numbers, first: int, span: slice, x: Array, *terms: Array) -> None:
+        """Turn limbs by x, (frames, n), in a span of frames counted from the `first`, and write the terms there."""
+        on = slice(first + span.start, first + span.stop)
+        w[on, own] = x.reshape(len(x), len(own), 2, 3)
+        some = Frames(*(each[on] for each in frames))
+        write_terms(balls, displaced, zones, columns, some, w[on], reach, room, *terms)
+
+    for arms in np.unique(are_arms):  # legs first, while arms do not move
+        own, columns = np.flatnonzero(are_arms == arms), np.full(count + 1, -1)
+        columns[own] = np.arange(len(own))
         pulled = frames.firmness.any(axis=1) | frames.anchor_weights.any(axis=(1, 2))
         pushed = (frames.soft[:, np.isin(of_pair, own)] < 0.0).any(axis=1)
         active = np.asarray(start[:, own].any(axis=(1, 2, 3)) | (arms & pulled) | pushed)
@@ -84,41 +91,11 @@ def bends(
             for span in _around(active[shot], FADES * tau):
                 first, end = shot.start + span.start, shot.start + span.stop
                 x, h = w[first:end, own].reshape(end - first, -1), np.repeat(stiffness[own].ravel(), 3)
-                _Path(x, h, tau, partial(limbs.write, first)).settle(steps)
+                _Path(x, h, tau, partial(write, own, columns, first)).settle(steps)
     d = np.zeros_like(start)
     write_displacements(w, frames.limbs, room, d)
     d[(np.abs(d) < ROUNDED).all(axis=(2, 3))] = 0.0
     return d
-
-
-@dataclass(frozen=True, eq=False)
-class _Limbs:
-    """Some limbs of a body in a clip, which are solved while the others do not move."""
-
-    own: Numbers  # the indices of these limbs
-    balls: Balls
-    displaced: Displaced
-    zones: Numbers
-    frames: Frames
-    w: Array  # (frames, limbs, 2, 3), the rotation vectors of all limbs
-    reach: float
-    room: LimbWorkspace
-
-    @cached_property
-    def columns(self) -> Numbers:
-        """(limbs + 1,), the index of a limb among those that are solved, each with six unknowns; -1 for others."""
-        columns = np.full(self.w.shape[1] + 1, -1)
-        columns[self.own] = np.arange(len(self.own))
-        return columns
-
-    def write(self, first: int, span: slice, x: Array, *terms: Array) -> None:
-        """Turn the limbs by x, (frames, n), in a span of frames counted from the `first`, and write the terms there."""
-        on = slice(first + span.start, first + span.stop)
-        self.w[on, self.own] = x.reshape(len(x), len(self.own), 2, 3)
-        frames = Frames(*(each[on] for each in self.frames))
-        write_terms(
-            self.balls, self.displaced, self.zones, self.columns, frames, self.w[on], self.reach, self.room, *terms
-        )
 
 
 def _around(flags: Flags, frames: float) -> list[slice]:

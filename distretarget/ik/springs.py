@@ -1,4 +1,5 @@
-"""Springs between two joints, or between a joint and a place in the world: energy, gradient, and stiffness per subtree.
+"""Springs between two joints, or between a joint and a place in the world: energy, gradient, and stiffness per subtree;
+and the floor, a one-sided spring that keeps each joint above a height.
 
 To first order, rotating a bone translates its whole subtree by one vector, and the torque on the bone comes from the
 sum of the forces on the subtree. So the curvature needs the springs only as sums over subtrees, which take one pass
@@ -13,7 +14,7 @@ import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.vectors import B1, F2, F3, F4, I1, Array, Numbers
+from distretarget.numerics.vectors import B1, F1, F2, F3, F4, I1, Array, Numbers
 
 NEGLIGIBLE = 1e-9  # springs of less stiffness are left out
 
@@ -240,3 +241,59 @@ def _add_transposed(block: Array, to: Array) -> None:
     for i in range(3):
         for j in range(3):
             to[i, j] += block[j, i]
+
+
+# ---- the floor: 1/2 sum over joints below their height h   k (h - x . up)^2
+
+
+class FloorSprings(NamedTuple):
+    """The heights that joints keep above in some frames; in a single frame the axis of the frames is left out."""
+
+    joints: I1  # (joints,), joints of the target
+    heights: F2  # (frames, joints), h [body units]
+    stiffness: F2  # (frames, joints), k
+    up: F1  # (3,), the unit vector up
+
+    def of_frames(self, frames: slice) -> FloorSprings:
+        """Return the floor of some of the frames."""
+        return self._replace(heights=self.heights[frames], stiffness=self.stiffness[frames])
+
+
+def no_floor(frames: int) -> FloorSprings:
+    """Return a floor that supports no joint."""
+    return FloorSprings(np.zeros(0, np.intp), np.zeros((frames, 0)), np.zeros((frames, 0)), np.zeros(3))
+
+
+@inlined(fastmath=True)
+def depth_below(scratch: Scratch, floor: FloorSprings, n: int) -> float:
+    """How far the n-th joint is below its height at the positions `scratch.x`; negative above it."""
+    x = scratch.x[floor.joints[n]]
+    return float(floor.heights[n] - (x[0] * floor.up[0] + x[1] * floor.up[1] + x[2] * floor.up[2]))
+
+
+@inlined(fastmath=True)
+def floor_energy(scratch: Scratch, floor: FloorSprings) -> float:
+    """Return the floor's energy at the positions `scratch.x`, and add its gradient to `scratch.gradient`."""
+    energy = 0.0
+    for n in range(len(floor.joints)):
+        if floor.stiffness[n] < NEGLIGIBLE:
+            continue
+        depth = depth_below(scratch, floor, n)
+        if depth > 0.0:
+            energy += 0.5 * floor.stiffness[n] * depth * depth
+            for i in range(3):
+                scratch.gradient[floor.joints[n], i] -= floor.stiffness[n] * depth * floor.up[i]
+    return energy
+
+
+@inlined(fastmath=True)
+def add_floor(scratch: Scratch, floor: FloorSprings, springs: FrameSprings, count: int) -> int:
+    """Append a spring with the floor's curvature per joint below its height to `count` springs; return the count."""
+    for n in range(len(floor.joints)):
+        if floor.stiffness[n] >= NEGLIGIBLE and depth_below(scratch, floor, n) > 0.0:
+            springs.a[count], springs.b[count] = floor.joints[n], -1
+            for i in range(3):
+                for j in range(3):
+                    springs.A[count, i, j] = floor.stiffness[n] * floor.up[i] * floor.up[j]
+            count += 1
+    return count

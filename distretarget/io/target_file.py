@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
-from distretarget.body.build import BUILDS, Build, Builds, average_build, capsules_of
+from distretarget.body.build import BUILDS, Build, Builds, average_build, bare_mesh, capsules_of
 from distretarget.body.single_bones import with_ends
 from distretarget.character.character import Character
 from distretarget.character.from_scene import character_of

@@ -14,8 +14,7 @@ import numpy as np
 from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
-from distretarget.body.mesh_soles import flat_normals
-from distretarget.body.soles import Sole, find_soles, resting_normals, with_normals, with_resting_feet
+from distretarget.body.soles import Sole, find_soles, flat_normals, resting_normals, with_normals, with_resting_feet
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips

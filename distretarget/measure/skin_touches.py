@@ -13,7 +13,6 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
-from distretarget.body.limbs import Arm
 from distretarget.contact_entries import DroppedContact
 from distretarget.measure.metrics import Track, Tracks
 from distretarget.measure.skin import OWN_ARM, PART_OF, Skin, are_parts, difference
@@ -24,6 +23,7 @@ from distretarget.numerics.parallel import blocks_of, mapper_for, over_blocks
 from distretarget.numerics.time_series import opening, spans_of
 from distretarget.numerics.vectors import Array, Flags, Numbers, angles_between, cross, lengths, normalised
 from distretarget.skin.capsules import SEGMENTS
+from distretarget.skin.limbs import Limb
 
 TOUCHING = 1.0  # skins nearer than this in the source touch [% of height]
 GRAZING = 0.1  # points that are less deep than this lie on the skin [% of height]
@@ -243,7 +243,7 @@ def _hanging(motion: Motion, body: Body) -> Flags:
     """(frames, limbs), whether each hand and forearm hangs, as `hanging_parts`."""
     hanging = np.zeros((len(motion), len(LIMBS)), bool)
     for side, arm in product(SIDES, body.arms):
-        if body.roles.get(f"{side}Hand") == arm.wrist:
+        if body.roles.get(f"{side}Hand") == arm.end:
             hand, forearm = (LIMBS.index(f"{side} {part}") for part in ("hand", "forearm"))
             hanging[:, hand], hanging[:, forearm] = hanging_parts(body, motion, arm)
     return hanging
@@ -289,26 +289,26 @@ def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:
         return np.full(len(u), np.inf)
     places, down = np.array(body.reference.positions), -body.reference.axes[:, 1]
     for arm in body.arms:
-        along = body.skeleton.paths_from(arm.shoulder)
-        for joint in body.skeleton.subtree(arm.shoulder):
-            places[joint] = places[arm.shoulder] + along[joint] * down
+        along = body.skeleton.paths_from(arm.top)
+        for joint in body.skeleton.subtree(arm.top):
+            places[joint] = places[arm.top] + along[joint] * down
     return np.asarray(lengths(places[u] - places[v]))
 
 
-def hanging_parts(body: Body, motion: Motion, arm: Arm) -> tuple[Flags, Flags]:
+def hanging_parts(body: Body, motion: Motion, arm: Limb) -> tuple[Flags, Flags]:
     """Whether a hand hangs or swings beside the body, and whether its forearm is beside the trunk, (frames,) each."""
     positions, hangs = motion.positions, _hangs(body, motion.positions, arm)
     if not _hips(body) or len(body.arms) < 2:
         return hangs, hangs
-    parts = [*body.skeleton.subtree(arm.wrist)], [arm.elbow, arm.wrist]
+    parts = [*body.skeleton.subtree(arm.end)], [arm.middle, arm.end]
     in_front = [~_beside(body, positions, joints) for joints in parts]  # or behind
     hand_lasts, forearm_lasts = (opening(each.astype(float), LASTS / motion.frame_time) > 0.0 for each in in_front)
     return hangs & ~hand_lasts, ~np.where(hangs, forearm_lasts, in_front[1])
 
 
-def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
+def _hangs(body: Body, positions: Array, arm: Limb) -> Flags:
     """(frames,), whether an arm hangs, along gravity or the trunk; `positions` are (frames, joints, 3)."""
-    shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.shoulder, arm.elbow, arm.wrist))
+    shoulder, elbow, wrist = (positions[:, joint] for joint in (arm.top, arm.middle, arm.end))
     off, hips = angles_between(elbow - shoulder, np.broadcast_to(-body.up_vector, elbow.shape)), _hips(body)
     if hips:
         off = np.minimum(off, angles_between(elbow - shoulder, positions[:, hips].mean(axis=1) - shoulder))
@@ -317,7 +317,7 @@ def _hangs(body: Body, positions: Array, arm: Arm) -> Flags:
 
 def _beside(body: Body, positions: Array, joints: list[int]) -> Flags:
     """(frames,), whether the middle of joints is beside the trunk, and not in front of it or behind it."""
-    left, right = (positions[:, each.shoulder] for each in body.arms)
+    left, right = (positions[:, each.top] for each in body.arms)
     pelvis = positions[:, _hips(body)].mean(axis=1)
     off = positions[:, joints].mean(axis=1) - pelvis
     trunk = normalised(0.5 * (left + right) - pelvis)

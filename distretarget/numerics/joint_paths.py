@@ -135,20 +135,8 @@ def speeds_along(paths: Array, frame_time: float, joints: Numbers | None = None)
     """(frames, joints), speeds by central differences [paths / frame_time] of joints, all if none are given."""
     joints = np.arange(paths.shape[1]) if joints is None else joints
     speeds = np.zeros((len(paths), len(joints)))
-    _write_speeds(np.ascontiguousarray(paths), joints, frame_time, speeds)
+    write_speeds(np.ascontiguousarray(paths), joints, np.array([0, len(paths)]), 1, frame_time, speeds)
     return speeds
-
-
-@compiled()
-def _write_speeds(paths: F3, joints: I1, frame_time: float, speeds: Out[F2]) -> None:
-    last = len(paths) - 1
-    for frame in range(len(paths) if last else 0):
-        before, after = max(frame - 1, 0), min(frame + 1, last)
-        for n in range(len(joints)):
-            start, end = paths[before, joints[n]], paths[after, joints[n]]
-            x, y, z = end[0] - start[0], end[1] - start[1], end[2] - start[2]
-            step = np.sqrt(x * x + y * y + z * z)
-            speeds[frame, n] = (step if after - before == 2 else 2.0 * step) / (2.0 * frame_time)
 
 
 @compiled()

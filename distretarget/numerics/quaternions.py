@@ -64,13 +64,9 @@ def _products(first: F3, of_first: I1, second: F2, product: Out[F3]) -> None:
                     product[frame, joint, i] = 1.0 if i == 3 else 0.0
 
 
-def first_not_unit(quaternions: Array, error: float) -> int:
-    """Return the index of the first quaternion, of (n, 4), whose length is not 1 within `error`; -1 if none is."""
-    return _first_not_unit(quaternions, error)
-
-
 @compiled()
-def _first_not_unit(quaternions: F2, error: float) -> int:
+def first_not_unit(quaternions: F2, error: float) -> int:
+    """Return the index of the first quaternion, of (n, 4), whose length is not 1 within `error`; -1 if none is."""
     for n in range(len(quaternions)):
         q = quaternions[n]
         if not abs(np.sqrt(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3]) - 1.0) < error:

@@ -23,8 +23,6 @@ from distretarget.skin.mesh import SkinnedMesh
 from distretarget.skin.surface import SurfaceSamples
 from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
-LIMBS = (("UpperArm", "LowerArm", "Hand"), ("UpperLeg", "LowerLeg", "Foot"))
-
 PRESSED = 0.01  # hands and forearms on the same body sink in as deep as in the source, up to this [body units]
 ALIKE = 1e-3  # the largest relative difference of radii that still counts as one body
 IS_TRUNK = np.array([name in ("chest", "belly", "pelvis") for name in SEGMENTS])
@@ -61,7 +59,7 @@ class BodySkin:
         balls = balls_of(in_units, posed / body.unit)
         own = dict(zip(capsules.joints.tolist(), capsules.segments.tolist(), strict=True))
         of_joint = [next((own[a] for a in skeleton.to_root(joint) if a in own), -1) for joint in range(len(skeleton))]
-        limbs = limbs_of(body)
+        limbs = body.limbs
         ends = [shares_of(limbs, skeleton, pose.positions, capsules.joints, posed[:, end]) for end in range(2)]
         of_capsule, shares = ends[0][0], np.stack([share for _, share in ends], axis=1)
         t, on = balls.fractions[:, None], balls.carriers
@@ -133,14 +131,6 @@ def _overlapping(balls: Balls, overlap: Array, capsules: Capsules) -> Balls:
     """The balls, which may overlap the capsules of the trunk by `overlap`, (balls,), more [body units]."""
     more, offsets = np.outer(overlap, IS_TRUNK[capsules.segments]), balls.gap_offsets
     return balls._replace(gap_offsets=np.where(offsets < NEVER, offsets - more, offsets))
-
-
-def limbs_of(body: Body) -> tuple[Limb, ...]:
-    """Return the limbs whose three joints are known, arms before legs."""
-    roles = body.roles
-    named = [[side + part for part in parts] for parts in LIMBS for side in SIDES]
-    known = [names for names in named if roles.keys() >= {*names}]
-    return tuple(Limb(roles[top], roles[middle], roles[end], "Hand" in end) for top, middle, end in known)
 
 
 @dataclass(frozen=True, eq=False)

@@ -97,7 +97,7 @@ class Clip:
             undriven_joints=matching.joints_but_feet(driven=False),
             distances=_shared_distances(matching),
             roots=roots,
-            parts=_parts(matching),
+            parts=part_of_joint(body.skeleton, roots),
         )
 
     def __len__(self) -> int:
@@ -164,15 +164,15 @@ class Clip:
 
 def raised_arms(body: Body, motion: Motion) -> Array:
     """Return `Clip.raised_arms` for a body in a motion."""
-    x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.shoulder for arm in body.arms]
+    x, hips, shoulders = motion.positions, [leg.hip for leg in body.legs or ()], [arm.top for arm in body.arms]
     values = np.zeros((len(motion), len(body.skeleton)))
     lasts = partial(opening, frames=SWING / motion.frame_time)
     for arm in body.arms:
-        below, hand = body.skeleton.subtree(arm.shoulder), body.skeleton.subtree(arm.wrist)
+        below, hand = body.skeleton.subtree(arm.top), body.skeleton.subtree(arm.end)
         values[:, below] = up = arm_raise(x, arm, hips, body.up_vector)[:, None]
         if hips and len(shoulders) == 2:
             of_hand, of_forearm = (
-                in_front_or_behind(x, joints, shoulders, hips)[:, None] for joints in ([*hand], [arm.elbow, arm.wrist])
+                in_front_or_behind(x, joints, shoulders, hips)[:, None] for joints in ([*hand], [arm.middle, arm.end])
             )
             values[:, hand] = np.maximum(up, lasts(of_hand))
             values[:, np.setdiff1d(below, hand)] = np.maximum(np.minimum(up, of_forearm), lasts(of_forearm))
@@ -185,13 +185,6 @@ def _shared_distances(matching: Matching) -> DistanceProblem:
     return distance_problem(matching.source.skeleton, matching.target.skeleton, matching.drivers)
 
 
-@rig_cached
-def _parts(matching: Matching) -> Numbers:
-    """`Clip.parts` of a matching."""
-    return part_of_joint(matching.target.skeleton, rigid_part_roots(matching))
-
-
-@rig_cached
 def rigid_part_roots(matching: Matching) -> Numbers:
     """(target joints,), the topmost joint of the rigid part that each joint belongs to.
 

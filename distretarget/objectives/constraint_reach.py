@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.body import Body
-from distretarget.body.build import average_build_of
+from distretarget.body.build import capsules_by_build
 from distretarget.contact_entries import Contact, Look, Place, Plant
 from distretarget.motion import Motion
 from distretarget.numerics.quaternions import least_rotation
@@ -55,7 +55,7 @@ class LimbReach:
     @cached_property
     def skin(self) -> BodySkin:
         """The skin of the body; an average body's for a stick figure."""
-        return self.skins.target if self.skins else BodySkin.of(self.body, average_build_of(self.body).on(self.body))
+        return self.skins.target if self.skins else BodySkin.of(self.body, capsules_by_build(self.body))
 
     def displacements(self, motion: Motion, weights: Sequence[Array]) -> tuple[Array, Array]:
         """Return the weighted displacements of the ends of limbs that meet the constraints in a motion, (frames, limbs,

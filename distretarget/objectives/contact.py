@@ -157,7 +157,7 @@ def part_stiffness(clip: Clip) -> Array:
 def _solve_frames(clip: Clip, supports: Supports, frames: slice, settings: ContactSettings) -> Poses:
     """Solve some frames of a clip."""
     unit = clip.unit
-    body = Articulation.of(clip.skeleton, clip.parts, part_stiffness(clip))
+    body = Articulation(clip.skeleton.parents, clip.parts, part_stiffness(clip))
     contacts = ContactSearch.of(clip, settings)
     bones, root = _with_bent_knees(clip, supports), np.ascontiguousarray(clip.root / unit)
     bones /= unit

@@ -14,9 +14,17 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.ik.articulation import Articulation, Scratch
-from distretarget.ik.floor import FloorSprings, FrameFloor, add_floor, floor_energy
 from distretarget.ik.pose_solver import CopiedBones, Workspace, pose_solver
-from distretarget.ik.springs import NEGLIGIBLE, FrameSprings, Springs, is_negligible, spring_energy
+from distretarget.ik.springs import (
+    NEGLIGIBLE,
+    FloorSprings,
+    FrameSprings,
+    Springs,
+    add_floor,
+    floor_energy,
+    is_negligible,
+    spring_energy,
+)
 from distretarget.numerics.compiled import Out, compiled, inlined
 from distretarget.numerics.vectors import F1, F2, F3, I1, Array
 
@@ -100,7 +108,7 @@ class ContactTerms(NamedTuple):
 
     springs: FrameSprings  # of contacts and supports, then room for a spring per joint that the floor pushes up
     acting: int  # the number of springs in use
-    floor: FrameFloor  # the floor in this frame
+    floor: FloorSprings  # the floor in this frame
 
 
 @inlined(fastmath=True)
@@ -116,7 +124,7 @@ def _like_springs(scratch: Scratch, terms: ContactTerms) -> tuple[FrameSprings, 
 @inlined(fastmath=True)
 def _terms_of(given: ContactFrames, frame: int, start: Array) -> ContactTerms:  # noqa: ARG001
     floor = given.floor
-    of_frame = FrameFloor(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
+    of_frame = FloorSprings(floor.joints, floor.heights[frame], floor.stiffness[frame], floor.up)
     return ContactTerms(given.room, _write_springs(given.near, given.springs, frame, given.room), of_frame)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from distretarget.body.anatomy import WITHOUT_SIDE
 from distretarget.body.resting import REST_HEIGHT
-from distretarget.ik.floor import FloorSprings, no_floor
+from distretarget.ik.springs import FloorSprings, no_floor
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.moving import largest

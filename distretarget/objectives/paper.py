@@ -166,7 +166,7 @@ def solve_poses(
     distances, unit = clip.distances, clip.distances.body_size
     parts = int(clip.parts.max()) + 1
     stiffness = np.append(np.full(parts, PART_STIFFNESS), ROOT_STIFFNESS)
-    body = Articulation.of(clip.copy.skeleton, clip.parts, stiffness)
+    body = Articulation(clip.copy.skeleton.parents, clip.parts, stiffness)
     bones, root = np.ascontiguousarray(clip.copy.bones / unit), np.ascontiguousarray(clip.root / unit)
     S = np.ascontiguousarray(clip.source.positions[:, distances.sources].transpose(0, 2, 1))
     v, log = np.zeros((len(clip.copy), parts + 1, 3)), np.zeros((4, len(clip.copy)))

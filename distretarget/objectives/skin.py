@@ -1,8 +1,8 @@
 """Skin: bends limbs so that skins touch where they touch in the source, and penetrate nowhere.
 
-It starts from the motion that keeps the contacts of joints. `skin.sides` finds displacements of elbows, wrists and
-knees that bring limbs out of the body in each frame. From there `ik.limb_bends` solves for all frames at once: limbs
-stay outside, skins in contact come to the gap of the source, and limbs move smoothly. Gaps are those of capsules,
+It starts from the motion that keeps the contacts of joints. `skin.displacement` finds displacements of elbows, wrists
+and knees that bring limbs out of the body in each frame. From there `ik.limb_bends` solves for all frames at once:
+limbs stay outside, skins in contact come to the gap of the source, and limbs move smoothly. Gaps are those of capsules,
 corrected by the mesh before each round of the solve.
 """
 
@@ -22,7 +22,7 @@ from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
-from distretarget.numerics.time_series import Shots, smoothstep
+from distretarget.numerics.time_series import Shots, by_shot, smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.anchors import anchors, no_anchors
@@ -35,8 +35,8 @@ from distretarget.objectives.sliding import stillness
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import Balls, mean_radii, segment_gaps
 from distretarget.skin.capsules import GROUP, IS_ARM, SEGMENTS
+from distretarget.skin.displacement import least_displacements
 from distretarget.skin.limbs import Limb, bent
-from distretarget.skin.sides import least_displacements
 from distretarget.skin.tangents import Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
@@ -211,9 +211,10 @@ def _with_targets(frames: Frames, zones: ContactZones, targets: LimbTargets) -> 
 
 def start_displacements(balls: Balls, displaced: Displaced, frames: Frames, shots: Shots, frame_time: float) -> Array:
     """Return displacements of limbs that bring them out of bodies, each on one side for as long as it is in a body. A
-    limb that changes sides passes through the body within about `TAU`.
+    limb that changes sides passes through the body within about `TAU`; sides do not persist across cuts.
     """
-    return least_displacements(balls, displaced, *frames[:4], shots=shots, switch_cost=2.0 * TAU / frame_time)
+    of_shot = partial(least_displacements, balls, displaced, switch_cost=2.0 * TAU / frame_time)
+    return by_shot(of_shot, shots, *frames[:4])
 
 
 def limb_displacements(

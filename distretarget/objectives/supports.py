@@ -11,9 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from distretarget.ik.articulation import Articulation
-from distretarget.ik.floor import FloorSprings, no_floor
 from distretarget.ik.holds import write_holds
-from distretarget.ik.springs import Springs, no_springs
+from distretarget.ik.springs import FloorSprings, Springs, no_floor, no_springs
 from distretarget.numerics.vectors import Array, Numbers
 
 STIFFNESS = 5000.0  # k, far above all other stiffnesses

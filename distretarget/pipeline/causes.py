@@ -117,5 +117,5 @@ class Causes:
         body = self.matching.target
         for side in SIDES:
             for arm in body.arms:
-                if arm.wrist == body.roles.get(f"{side}Hand"):
-                    yield LimbJoints(f"{side} arm", arm.shoulder, arm.wrist)
+                if arm.end == body.roles.get(f"{side}Hand"):
+                    yield LimbJoints(f"{side} arm", arm.top, arm.end)

@@ -23,7 +23,6 @@ from distretarget.measure.verdict import Remark
 from distretarget.motion import Motion
 from distretarget.numerics.time_series import Shots, slices_of, smoothstep, spans_of
 from distretarget.numerics.vectors import Array, Numbers, lengths
-from distretarget.objectives.body_skin import limbs_of
 from distretarget.objectives.constraint_reach import LimbReach, with_looks
 from distretarget.objectives.constraint_springs import correction, eased_gap, joint_offset, with_constraints, with_gaps
 from distretarget.objectives.constraints import Constraint, Constraints, centimetres
@@ -126,7 +125,7 @@ def _with_arms(motion: Motion, free: Motion, apart: Motion, made: Constraints, p
     """A motion with arms and shoulders of `free`; if the arms reach for each other, those of `apart`."""
     clip, body = performer.clip, performer.match.matching.target
     trunk, arms = {0, clip.pelvis, *(body.anatomy.spine if body.anatomy else ())}, list[int]()
-    for limb in limbs_of(body):
+    for limb in body.limbs:
         shoulder = [joint for joint in clip.skeleton.to_root(limb.top) if joint not in trunk]
         arms += [*clip.skeleton.subtree(limb.top), *shoulder] if limb.is_arm else []
     arms_meet = any({*constraint.pair} <= {*arms} for constraint in made if constraint.pair)

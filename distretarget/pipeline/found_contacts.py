@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale
-from distretarget.body.build import average_build_of
+from distretarget.body.build import capsules_by_build
 from distretarget.checks import check_kind
 from distretarget.contact_entries import Contact, ContactList, Entry, Plant
 from distretarget.matching.matching import Matching
@@ -143,7 +143,7 @@ class _SkinGaps:
 
     def __init__(self, matching: Matching, clip: Clip) -> None:
         body, self.source = matching.source, clip.source
-        capsules = average_build_of(body).on(body)
+        capsules = capsules_by_build(body)
         self.skin = BodySkin.of(body, capsules) if len(capsules) else None
         self.regions = {
             int(self.skin.of_joint[driver]): clip.regions.of_joint[joint]

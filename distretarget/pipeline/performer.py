@@ -11,13 +11,11 @@ from numpy.typing import NDArray
 from distretarget.baseline.engine_root import EngineRoot, along_channels, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.baseline.world import World, find_world
-from distretarget.body.bare import bare_mesh
 from distretarget.body.body import Body
-from distretarget.body.build import OWN_BUILDS, Build, Builds, capsules_by_build, capsules_of
-from distretarget.body.pelvis import JointShift, shift_to_thighs, with_hips_at_thighs
+from distretarget.body.build import OWN_BUILDS, Build, Builds, bare_mesh, capsules_by_build, capsules_of
 from distretarget.body.single_bones import straightened
 from distretarget.body.skin_anchors import AnchoredSkin
-from distretarget.body.tree_repairs import Reparented, without_exported_ends, without_twins
+from distretarget.body.tree_repairs import JointShift, Reparented, without_exported_ends, without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -25,17 +23,16 @@ from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.vectors import Array, Flags, extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
-from distretarget.objectives.body_skin import Skins, limbs_of
+from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.floor import find_flesh, find_floor_springs, rise_of_flesh
 from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.heels import with_low_heels
-from distretarget.objectives.knees import with_straight_knees
+from distretarget.objectives.leg_bends import with_straight_knees, with_swinging_feet_up
 from distretarget.objectives.paper import Postures
 from distretarget.objectives.resting_joints import find_resting_joints, root_shift, with_resting_joints
 from distretarget.objectives.skin import LimbTargets, with_skin
 from distretarget.objectives.supports import Supports, no_supports
-from distretarget.objectives.swing import with_swinging_feet_up
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
 from distretarget.pipeline.result import Baseline, RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
@@ -134,13 +131,13 @@ def match_performer(transfer: Transfer) -> Match:
     named = {*filter(None, pairs.values())}
     source = without_exported_ends(transfer.source, goal.skeleton, named)
     rest = transfer.rest and without_exported_ends(transfer.rest, goal.skeleton, named)
-    source_body = with_hips_at_thighs(Body.of_motion(without_twins(source, named)))
+    source_body = Body.of_motion(without_twins(source, named)).with_hips_at_thighs
     source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
     body = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
-    hips = shift_to_thighs(body)
+    hips = body.shift_to_thighs
     if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
         hips = None
-    body = with_hips_at_thighs(body) if hips else body
+    body = body.with_hips_at_thighs if hips else body
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(source_body, body, **ups, root_offset=options.root_offset)
     matching = match(straightened(world.to_target_axes(source_body), body), body.with_up(world.up), pairs)
@@ -227,7 +224,7 @@ class Performer:
             supports = feet_within_reach(clip, supports)
             supports = replace(supports, floor=find_floor_springs(clip, supports.weights, undersides, flesh))
         if options.supports != "free":
-            limbs = limbs_of(self.match.matching.target)
+            limbs = self.match.matching.target.limbs
             clip = with_straight_knees(with_swinging_feet_up(clip, feet, limbs, undersides), supports, limbs)
         else:
             settings = replace(settings, foot_lock=0.0)

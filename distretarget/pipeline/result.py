@@ -15,7 +15,6 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.engine_root import path_carriers
 from distretarget.baseline.world import World
 from distretarget.body.body import Body
-from distretarget.body.pelvis import shift_to_thighs
 from distretarget.body.tree_repairs import Reparented
 from distretarget.contact_entries import NO_CONTACTS, ContactList, DroppedContact
 from distretarget.distances import DistanceProblem, posture_stress
@@ -101,7 +100,7 @@ class Baseline:
         own = self.matching.target.skeleton
         other_parents = (motion.skeleton.parents != own.parents).any()
         motion = Reparented(own, np.arange(len(own))).motion(motion) if other_parents else motion
-        shift = shift_to_thighs(Body.of(motion.skeleton)) if (motion.skeleton.offsets != own.offsets).any() else None
+        shift = Body.of(motion.skeleton).shift_to_thighs if (motion.skeleton.offsets != own.offsets).any() else None
         return shift.motion(motion) if shift else motion
 
 

@@ -15,7 +15,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from distretarget.body.build import average_build_of
+from distretarget.body.build import capsules_by_build
 from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
@@ -190,7 +190,7 @@ def collision_skins(matches: Sequence[Match], modes: Sequence[SkinMode]) -> list
     for match, mode in zip(matches, modes, strict=True):
         bodies, skins = (match.matching.source, match.matching.target), match.skins
         if any_skin and skins is None and mode != "none":
-            skins = Skins.of(match.matching, *(average_build_of(body).on(body) for body in bodies))
+            skins = Skins.of(match.matching, *map(capsules_by_build, bodies))
         found.append(skins)
     return found
 

@@ -5,6 +5,7 @@ the wrist's, and the hand by the wrist's; the same holds for legs. The displacem
 all gaps open and the bones of limbs at their lengths, linearised (`tangents`) at the displacements of the frame before,
 and once more at the solution. So a limb leaves a body on the side on which it entered, and a limb whose path leads
 through a body slides round it; if it has slid away from a much shorter displacement on the same side, it takes that.
+Solved backwards in time, it leaves the body on the side on which it comes out; a limb takes the cheaper of the two.
 The solver is projected Gauss-Seidel (K. Erleben, "Velocity-based shock propagation for multibody dynamics animation",
 ACM Transactions on Graphics 26 (2007), doi:10.1145/1243980.1243986).
 """
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import F2, F3, F4, Array, clear, copy_to
+from distretarget.numerics.vectors import F2, F3, F4, Array, Flags, clear, copy_to
 from distretarget.skin.balls import Balls, Placed, room_for
 from distretarget.skin.tangents import (
     Displaced,
@@ -34,6 +35,7 @@ MUCH_SHORTER = 0.8  # displacements shorter than this share of the others are mu
 SWEEPS = 12  # of Gauss-Seidel over all tangents, at most
 SETTLED = 1e-3  # sweeps and passes end where the sum of changes is less than this [body units]
 NOTHING = 1e-4  # displacements whose components sum to less than this are set to zero [body units]
+SAME = 0.005  # displacements that differ by less are on the same side [body units]
 
 
 class PushWorkspace(NamedTuple):
@@ -48,27 +50,49 @@ class PushWorkspace(NamedTuple):
 
 
 class PushedFrames(NamedTuple):
-    """Some frames of a body; the fields are the arguments of `displacements`."""
+    """Some frames of a body."""
 
-    posed: F4
-    limbs: F4
-    free: F3
-    soft: F2
+    posed: F4  # (frames, capsules, 2, 3), the ends of the capsules
+    limbs: F4  # (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths
+    free: F3  # (frames, limbs, 2), how far middle and end can move, 0 to 1
+    soft: F2  # (frames, pairs), how far segments may overlap
+
+
+def least_displacements(balls: Balls, displaced: Displaced, *frames: Array, switch_cost: float) -> Array:
+    """Return displacements of the middles and ends of limbs that bring the parts of a body apart in the frames of a
+    shot, (frames, limbs, 2, 3), independently of the direction of time.
+
+    Where the solutions of `displacements` differ, each frame takes the smaller one; a switch between them costs as much
+    as `switch_cost` frames of their difference.
+    """
+    forwards, backwards = displacements(balls, displaced, *frames)
+    taken = cheaper(forwards, backwards, switch_cost)
+    return np.where(taken[:, None, None, None], backwards, forwards)
+
+
+def cheaper(forwards: Array, backwards: Array, switch_cost: float) -> Flags:
+    """Return a mask of the frames that take the displacements found backwards, (frames,): those of the cheapest
+    sequence, by dynamic programming. The cost of a frame is the square of its displacements, that of a switch
+    `switch_cost` times the square of the difference of the two solutions.
+    """
+    differ: Flags = np.asarray((np.abs(forwards - backwards) > SAME).any(axis=(1, 2, 3)))
+    saved = np.where(differ, (forwards**2 - backwards**2).sum(axis=(1, 2, 3)), 0.0)
+    switches = np.where(differ, switch_cost * ((forwards - backwards) ** 2).sum(axis=(1, 2, 3)), 0.0)
+    gain = np.zeros(len(differ) + 1)  # cost saved up to the frame before by ending backwards rather than forwards
+    for frame in np.flatnonzero(differ):
+        gain[frame + 1] = np.clip(gain[frame], -switches[frame], switches[frame]) + saved[frame]
+    taken = np.zeros(len(differ) + 1, bool)
+    for frame in np.flatnonzero(differ)[::-1]:
+        switch_after = switches[frame + 1] if frame + 1 < len(differ) else 0.0
+        taken[frame] = gain[frame + 1] > (-switch_after if taken[frame + 1] else switch_after)
+    return np.asarray(taken[:-1])
 
 
 def displacements(
     balls: Balls, displaced: Displaced, posed: Array, limbs: Array, free: Array, soft: Array
 ) -> tuple[Array, Array]:
     """Return displacements of the middles and ends of limbs that bring the parts of a body apart, (frames, limbs, 2,
-    3): found frame by frame forwards in time, and backwards in time.
-
-    Args:
-        balls: of the body, with its capsules.
-        displaced: how capsules move with the displaced joints.
-        posed: (frames, capsules, 2, 3), the ends of the capsules.
-        limbs: (frames, limbs, 3, 3), the top, the middle and the end of each limb; its bones keep their lengths.
-        free: (frames, limbs, 2), how far middle and end can move, 0 to 1.
-        soft: (frames, pairs), how far segments may overlap.
+    3): found frame by frame forwards in time, and backwards in time. The arrays are those of `PushedFrames`.
     """
     count = limbs.shape[1]
     moved = displaced._replace(limbs=displaced.limbs % (count + 1))

@@ -1,4 +1,4 @@
-"""Swinging feet: soles pass over the floor as the source's do.
+"""Bends of legs in the rotation copy before it is solved: feet that swing, and knees that bend backwards.
 
 With longer feet, or legs of another build, a swinging foot would pass under the floor where the source's passes just
 over it. Then the knee bends so that the ankle is higher by
@@ -8,11 +8,15 @@ over it. Then the knee bends so that the ankle is higher by
 if that is positive, widened in time: the foot begins to rise before, and comes down after. The floor of a foot is the
 height of its sole at rest, interpolated between rests; without any rest, as on a treadmill, the lowest height of any
 sole. The foot keeps its rotation.
+
+Straight legs in motion capture often bend a little backwards. Where a foot rests nearer to the hips than in the copy,
+its knee bends more than the copied one: farther backwards, and it would snap to the front when the copied knee does. So
+such knees are straightened.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,8 +26,8 @@ from distretarget.body.resting import feet_resting
 from distretarget.body.soles import sole_height
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.time_series import smoothstep
-from distretarget.numerics.vectors import Array, lengths, normalised
-from distretarget.objectives.clip import Clip
+from distretarget.numerics.vectors import Array, angles_between, lengths, normalised
+from distretarget.objectives.clip import Clip, LegPair
 from distretarget.objectives.foot_lock import lowest_of_foot, sole_levels
 from distretarget.objectives.supports import Supports
 from distretarget.skin.limbs import Limb, bent
@@ -32,6 +36,8 @@ CLEARANCE = 0.03  # the largest clearance over the floor that a swinging foot is
 SCUFF = 0.005  # depth in the floor that is left to a swinging foot [leg lengths]
 SWING_BLEND = 0.1  # a foot rises over twice this time, and comes down over as much [s]
 STRAIGHT_KNEE = 0.1  # knees nearer than this to the line from hip to ankle bend towards where the foot points [shins]
+BACKWARDS = np.radians(10)  # knees bent backwards by up to this are straightened; from twice this on they stay [rad]
+NEARER = 0.01  # knees are straightened in full where the foot comes nearer to the hips by this or more [shins]
 
 
 def with_swinging_feet_up(clip: Clip, feet: Supports, limbs: Sequence[Limb], undersides: Undersides | None) -> Clip:
@@ -40,13 +46,43 @@ def with_swinging_feet_up(clip: Clip, feet: Supports, limbs: Sequence[Limb], und
     """
     if not clip.legs:
         return clip
-    legs, moved = {limb.end: number for number, limb in enumerate(limbs)}, np.zeros((len(clip), len(limbs), 2, 3))
+    moved = np.zeros((len(clip), len(limbs), 2, 3))
     free = 1.0 - feet.weights[:, : feet.feet].reshape(len(clip), -1, 2).max(axis=2)
     lifts = clip.widened(free * _lifts(clip, undersides), SWING_BLEND)
-    for pair, lift in zip(clip.legs, lifts.T, strict=True):
-        if lift.any() and pair.target.ankle in legs:
-            number = legs[pair.target.ankle]
-            moved[:, number] = _raised(clip, limbs[number], pair.target.toe, lift[:, None])
+    for leg, pair, number in _known_legs(clip, limbs):
+        if lifts[:, leg].any():
+            moved[:, number] = _raised(clip, limbs[number], pair.target.toe, lifts[:, leg, None])
+    return _bent(clip, limbs, moved)
+
+
+def with_straight_knees(clip: Clip, feet: Supports, limbs: Sequence[Limb]) -> Clip:
+    """Return the clip with knees of its rotation copy straightened that bend a little backwards, away from where the
+    foot points, while the foot rests nearer to the hips than in the copy; arguments as in `with_swinging_feet_up`.
+    """
+    moved = np.zeros((len(clip), len(limbs), 2, 3))
+    for leg, pair, number in _known_legs(clip, limbs):
+        hip, knee, ankle, toe = (clip.copy.positions[:, each] for each in (*limbs[number].joints, pair.target.toe))
+        thigh, shin = knee - hip, ankle - knee
+        leg_line, place = ankle - hip, feet.places[:, 2 * leg] - (clip.root - clip.copy.root_positions)
+        axis = normalised(leg_line)
+        forward = normalised(perpendicular(toe - ankle, axis))
+        back = np.maximum(-(perpendicular(thigh, axis) * forward).sum(axis=1), 0.0)
+        nearer = (lengths(leg_line) - lengths(place - hip)) / (NEARER * lengths(shin))
+        firm = feet.weights[:, 2 * leg] * np.clip(nearer, 0.0, 1.0)
+        firm *= 1.0 - smoothstep(angles_between(thigh, shin) / BACKWARDS - 1.0)
+        moved[:, number, 0] = (firm * back)[:, None] * forward
+    return _bent(clip, limbs, moved)
+
+
+def _known_legs(clip: Clip, limbs: Sequence[Limb]) -> Iterator[tuple[int, LegPair, int]]:
+    """Yield the indices of legs among those of the clip and among the target's `limbs`."""
+    numbers = {limb.end: number for number, limb in enumerate(limbs)}
+    for leg, pair in enumerate(clip.legs):
+        if pair.target.ankle in numbers:
+            yield leg, pair, numbers[pair.target.ankle]
+
+
+def _bent(clip: Clip, limbs: Sequence[Limb], moved: Array) -> Clip:
     return replace(clip, copy=bent(clip.copy, limbs, moved)) if moved.any() else clip
 
 
