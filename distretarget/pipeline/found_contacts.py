@@ -26,8 +26,8 @@ from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import Match, Transfer, match_performer
-from distretarget.pipeline.result import Baseline, RetargetResult
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
+from distretarget.pipeline.result import Baseline, Match, RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
 from distretarget.target import AnyTarget, SkeletonEdit, Target
@@ -66,7 +66,7 @@ def find_contacts(
 
 
 def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> ContactList:
-    performer = match.performer(RootScale.even(find_root_scale(match.matching)))
+    performer = Performer.of(match, RootScale.even(find_root_scale(match.matching)))
     performer = performer.with_supports(DEFAULT_OPTIONS, settings)
     touching = _touching(match.matching, performer.clip, performer.supports, settings)
     entries, supports, clip = [*touching], performer.supports, performer.clip
@@ -88,7 +88,7 @@ class MarkedContact:
 
 def contacts_of(baseline: Baseline) -> ContactList:
     """Return the contacts that are found in the source of a baseline."""
-    return _found(Match(baseline.world, baseline.matching))
+    return _found(Match(baseline.match.world, baseline.match.matching))
 
 
 def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedContact, ...]:

@@ -133,7 +133,7 @@ def prepare(transfer: Transfer, settings: ContactSettings = DEFAULT_SETTINGS) ->
     """Match a clip to its target, and find its supports; errors as in `retarget`."""
     options, match = transfer.options, match_performer(transfer)
     match = replace(match, matching=raised_onto_soles(match.matching, options.root_scale, match.undersides))
-    performer = match.performer(RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
+    performer = Performer.of(match, RootScale.even(options.root_scale or find_root_scale(match.matching)), options)
     if options.objective == "paper":
         return Prepared(replace(performer, settings=settings), options)
     return Prepared(performer.with_supports(options, settings), options)
