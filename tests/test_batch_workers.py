@@ -18,10 +18,9 @@ from distretarget import retarget
 from distretarget.batch import job as batch_job
 from distretarget.batch import workers as cluster_module
 from distretarget.batch import workers as processes_module
-from distretarget.batch.job import Job, run
 from distretarget.batch.plan import PlannedClip
 from distretarget.batch.record import new_record
-from distretarget.batch.workers import Processes
+from distretarget.batch.workers import Job, Processes, run
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.skeleton_json import skeleton_to_json

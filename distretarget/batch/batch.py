@@ -14,13 +14,12 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from types import NoneType
 
-from distretarget.batch.job import TIME_LIMITS, Job, Output, Result
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import PlannedClip, find_clips, plan
 from distretarget.batch.record import BatchRecord, new_record
 from distretarget.batch.results import Results
 from distretarget.batch.summary import Tally, spread_warnings
-from distretarget.batch.workers import Processes, Workers, convert_all
+from distretarget.batch.workers import TIME_LIMITS, Job, Output, Processes, Result, Workers, convert_all
 from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind, check_number, check_path
 from distretarget.contact_entries import NO_CONTACTS

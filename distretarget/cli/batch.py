@@ -15,13 +15,12 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
-from distretarget.batch.job import TIME_LIMITS
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.record import BatchRecord
 from distretarget.batch.results import Results, clips_folder, write_merged
 from distretarget.batch.summary import Tally
-from distretarget.batch.workers import Cluster, Processes, Workers
+from distretarget.batch.workers import TIME_LIMITS, Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
     RecipeFiles,
@@ -177,14 +176,15 @@ def batch_command(
         results, kinds = _for_merge(folder, files, overwrite, dry_run), ("bvh",)
     elif npz:
         kinds = (*(kinds or ("own",)), "npz")
+    recipe = recipe_files.read()
     try:
-        clips = plan(found, files, results, sources, kinds or (), recipe_files.clip)
+        clips = plan(found, files, results, sources, kinds or (), recipe.clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     batch = Batch(
         clips,
         Pages(Results(results, overwrite and not merge, read_only=dry_run), about, index, reports, table),
-        (replace(recipe_files, writing=DEFAULT_OUTPUT) if merge else recipe_files).read(),
+        replace(recipe, writing=DEFAULT_OUTPUT) if merge else recipe,
         contacts_path,
         load_file(recipe_files.skeleton_path) if recipe_files.skeleton_path else None,
         time_limit,
@@ -196,7 +196,7 @@ def batch_command(
         return
     tally, status = _converted(batch, dask, jobs)
     if merge and not status:
-        count = write_merged(folder, files[0], batch.clips, recipe_files.writing, overwrite)
+        count = write_merged(folder, files[0], batch.clips, recipe.writing, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 

@@ -24,11 +24,16 @@ from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
-from distretarget.measure.comparison import Comparison, Reference
-from distretarget.measure.deviations import find_arm_deviation, find_pops, find_shaking, find_turned
+from distretarget.measure.comparison import (
+    Comparison,
+    Reference,
+    find_arm_deviation,
+    find_pops,
+    find_shaking,
+    find_turned,
+)
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.skin import Skin, find_skin
-from distretarget.measure.surface import find_surface
+from distretarget.measure.skin import Skin, find_skin, find_surface
 from distretarget.measure.verdict import Remark, limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for

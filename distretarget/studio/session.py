@@ -111,7 +111,7 @@ class FinishedOrder:
     @property
     def names(self) -> Names:
         """The names of its files."""
-        return Names(str(self.source.path), str(self._character.path), self.format, self.order.animation or "")
+        return Names(str(self.source.path), str(self._character.path), self.format, self.order.recipe.clip or "")
 
     @property
     def _character(self) -> InputFile:
@@ -265,10 +265,11 @@ class Session:
         taken, found = frozenset(str(each["name"]).casefold() for each in self.dropped), list[Names]()
         for order in orders:
             clip, character = self._file(order.clip), self._target(order.character)
-            files, form = (str(clip.path), str(character.path)), order.format or formats_of(character)[0]
+            form, animation = order.format or formats_of(character)[0], order.recipe.clip or ""
             if merged and OUTPUTS.get(f".{form}") != "character":
                 raise SettingsError(f"a .{form} file holds one motion; take all clips as glb, or in files of their own")
-            found.append(Names(*files, form, order.animation or "", taken if len(orders) > 1 else frozenset(), merged))
+            others = taken if len(orders) > 1 else frozenset()
+            found.append(Names(str(clip.path), str(character.path), form, animation, others, merged))
             taken |= found[-1].all
         return found
 
