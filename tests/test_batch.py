@@ -19,8 +19,8 @@ from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.metrics import COLUMNS
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import Options
+from distretarget.pipeline.retargeting import Recipe
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 

@@ -19,13 +19,13 @@ from distretarget.batch import job as batch_job
 from distretarget.batch import workers as cluster_module
 from distretarget.batch import workers as processes_module
 from distretarget.batch.plan import PlannedClip
-from distretarget.batch.record import new_record
+from distretarget.batch.results import new_record
 from distretarget.batch.workers import Job, Processes, run
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.pipeline import conversion
-from distretarget.pipeline.conversion import Recipe
+from distretarget.pipeline.retargeting import Recipe
 from distretarget.report.diff_document import About
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")

@@ -12,8 +12,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from distretarget.batch.plan import METRICS, PlannedClip, check_page
-from distretarget.batch.record import BatchRecord
-from distretarget.batch.results import Results
+from distretarget.batch.results import BatchRecord, Results
 from distretarget.errors import DistretargetError, FileError, MissingPackageError
 from distretarget.io.files import Content, check_inside, check_writable, is_folder, make_folder, write_whole
 from distretarget.io.input_file import load_file

@@ -26,22 +26,21 @@ from multiprocessing.util import get_temp_dir
 from pathlib import Path, PurePath
 from queue import SimpleQueue
 
-from distretarget.batch.record import BatchRecord
+from distretarget.batch.results import BatchRecord
 from distretarget.batch.summary import alignment_text
 from distretarget.character.nodes import Animation
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import BatchError, DistretargetError
 from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
-from distretarget.io.formats import OUTPUTS
-from distretarget.io.input_file import InputFile
+from distretarget.io.input_file import OUTPUTS, InputFile
 from distretarget.io.motion_writer import character_animation, content_of
 from distretarget.io.target_file import TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.compiled import loaded
 from distretarget.numerics.parallel import thread_limit
-from distretarget.pipeline.conversion import Conversion, Recipe
+from distretarget.pipeline.retargeting import Conversion, Recipe
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import About
 from distretarget.report.page import VERSION

@@ -17,8 +17,7 @@ from tqdm import tqdm
 from distretarget.batch.batch import Batch
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.record import BatchRecord
-from distretarget.batch.results import Results, clips_folder, write_merged
+from distretarget.batch.results import BatchRecord, Results, clips_folder, write_merged
 from distretarget.batch.summary import Tally
 from distretarget.batch.workers import TIME_LIMITS, Cluster, Processes, Workers
 from distretarget.cli.options import (
@@ -34,8 +33,7 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, is_folder, read_bytes
-from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS
-from distretarget.io.input_file import load_file
+from distretarget.io.input_file import OUTPUT_FORMATS, OUTPUTS, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, output_kind
 from distretarget.io.target_file import TargetFile
 from distretarget.measure.metrics import METRICS

@@ -22,8 +22,7 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import LISTED, about, check_outputs, read_input, say, table_lines, write_outputs
 from distretarget.errors import FileError, counted, in_file, quoted
 from distretarget.io.files import is_folder, reason_of
-from distretarget.io.formats import MOTION_SUFFIXES
-from distretarget.io.input_file import InputFile
+from distretarget.io.input_file import MOTION_SUFFIXES, InputFile
 from distretarget.io.map_json import joint_map, load_map
 from distretarget.io.motion_file import parse_motion, read_motion
 from distretarget.io.target_file import animations_in

@@ -17,16 +17,16 @@ from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.errors import SettingsError
 from distretarget.io.arrays import Precision
-from distretarget.io.formats import OUTPUT_FORMATS
 from distretarget.io.gltf_writer import Mode
+from distretarget.io.input_file import OUTPUT_FORMATS
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings
 from distretarget.io.target_file import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import MOST_TURN, SPEEDS, Edits
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
+from distretarget.pipeline.retargeting import Recipe
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Command = Callable[..., None]

@@ -23,8 +23,7 @@ from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.io.fbx import fbx_mesh
 from distretarget.io.files import check_inside, read_bytes
-from distretarget.io.formats import GLB_MARK
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, HEADER, JSON_CHUNK, Gltf
+from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, GLB_MARK, HEADER, JSON_CHUNK, Gltf
 from distretarget.io.gltf_scene import REST, gltf_nodes
 from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import (

@@ -21,9 +21,9 @@ from distretarget.io.obj import parse_obj, static_prop
 from distretarget.io.target_file import load_build, load_target
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
+from distretarget.pipeline.retargeting import Recipe
 from distretarget.scene.props import Grip, Prop, PropScale, PropSurface, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_transfers
 

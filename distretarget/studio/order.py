@@ -19,9 +19,9 @@ from distretarget.io.json_node import on_lines, parse_json
 from distretarget.io.map_json import HEADER as MAP_HEADER
 from distretarget.io.map_json import parse_map
 from distretarget.io.motion_writer import OutputSettings
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.pipeline.retargeting import Recipe
 
 HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
 FILES = ("clip", "character")

@@ -20,14 +20,13 @@ from distretarget.contact_entries import ContactList
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.io.files import encoded_parts
-from distretarget.io.formats import FBX, OUTPUT_FORMATS, OUTPUTS
-from distretarget.io.input_file import InputFile
+from distretarget.io.input_file import FBX, OUTPUT_FORMATS, OUTPUTS, InputFile
 from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import content_of, output_kind, suffix_of
 from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
 from distretarget.measure.verdict import Remark
-from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
+from distretarget.pipeline.retargeting import Conversion, Converted, Recipe
 from distretarget.report.clip_page import Meshes, meshes_of, run_axes, run_motions, run_page, run_timeline
 from distretarget.report.diff_document import About
 from distretarget.skeleton import Skeleton
