@@ -33,12 +33,12 @@ from distretarget.io.contacts_file import load_contacts as load_contacts
 from distretarget.io.interop import from_bvhio as from_bvhio
 from distretarget.io.interop import to_bvhio as to_bvhio
 from distretarget.io.map_json import load_map as load_map
-from distretarget.io.motion_file import read_motion as read_motion
 from distretarget.io.motion_writer import OutputSettings as OutputSettings
 from distretarget.io.motion_writer import write_motion as write_motion
 from distretarget.io.motion_writer import write_npz as write_npz
-from distretarget.io.target_file import load_build as load_build
-from distretarget.io.target_file import load_target as load_target
+from distretarget.io.reading import load_build as load_build
+from distretarget.io.reading import load_target as load_target
+from distretarget.io.reading import read_motion as read_motion
 from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match
 from distretarget.measure.comparison import Comparison as Comparison

@@ -17,7 +17,7 @@ from distretarget.batch.plan import animations_of
 from distretarget.body.body import Body
 from distretarget.errors import DistretargetError, counted
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.reading import parse_motion
 from distretarget.measure.clip_faults import KINDS, Finding, Findings, find_faults
 from distretarget.motion import Motion
 from distretarget.report.page import folder_of, html_page

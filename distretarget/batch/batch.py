@@ -29,7 +29,7 @@ from distretarget.io.files import hash_of_file, read_bytes
 from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import ARRAYS, OUTPUT_FORMATS, InputFile, load_file, with_files_beside
 from distretarget.io.motion_writer import with_animations
-from distretarget.io.target_file import CharacterTarget, TargetFile
+from distretarget.io.reading import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
 from distretarget.pipeline.performer import target_capsules
 from distretarget.pipeline.retargeting import DEFAULT_RECIPE, Recipe

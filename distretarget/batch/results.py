@@ -31,9 +31,8 @@ from distretarget.errors import FileError
 from distretarget.io.files import check_inside, check_writable, hash_of, hash_of_file, make_folder, write_whole
 from distretarget.io.gltf_writer import Parts
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import OutputSettings, character_animation, with_animations
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile, parse_motion
 from distretarget.measure.metrics import COLUMNS
 from distretarget.report.page import VERSION, ClipRecord
 

@@ -35,7 +35,7 @@ from distretarget.io.bvh_writer import python_refusals, refusals
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import OUTPUTS, InputFile
 from distretarget.io.motion_writer import character_animation, content_of
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.measure.metrics import in_columns
 from distretarget.numerics.compiled import loaded

@@ -35,7 +35,7 @@ from distretarget.errors import BatchError, DistretargetError, FileError, counte
 from distretarget.io.files import hash_of, is_folder, read_bytes
 from distretarget.io.input_file import OUTPUT_FORMATS, OUTPUTS, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, output_kind
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile
 from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
 

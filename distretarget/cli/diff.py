@@ -24,8 +24,7 @@ from distretarget.errors import FileError, counted, in_file, quoted
 from distretarget.io.files import is_folder, reason_of
 from distretarget.io.input_file import MOTION_SUFFIXES, InputFile
 from distretarget.io.map_json import joint_map, load_map
-from distretarget.io.motion_file import parse_motion, read_motion
-from distretarget.io.target_file import animations_in
+from distretarget.io.reading import animations_in, parse_motion, read_motion
 from distretarget.measure.diff import Diff, diff, diff_scenes
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.measure.verdict import limit_warnings

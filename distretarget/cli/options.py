@@ -21,7 +21,7 @@ from distretarget.io.gltf_writer import Mode
 from distretarget.io.input_file import OUTPUT_FORMATS
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings
-from distretarget.io.target_file import load_build
+from distretarget.io.reading import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
 from distretarget.pipeline.edits import MOST_TURN, SPEEDS, Edits

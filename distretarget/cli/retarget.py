@@ -42,7 +42,7 @@ from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
 from distretarget.io.input_file import OUTPUTS, InputFile, load_file
 from distretarget.io.motion_writer import content_of, output_kind
-from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
+from distretarget.io.reading import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
 from distretarget.pipeline.result import RetargetResult

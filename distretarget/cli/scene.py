@@ -42,7 +42,7 @@ from distretarget.io.files import (
 )
 from distretarget.io.input_file import MOTION_SUFFIXES, OUTPUTS, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, as_written, content_of, suffix_of
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile
 from distretarget.pipeline.edits import Edits
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page

@@ -25,8 +25,8 @@ from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.gltf_writer import Mode, Parts, animated
 from distretarget.io.input_file import OUTPUT_FORMATS, OUTPUTS, InputFile, OutputKind, Source, format_of_name, load_file
 from distretarget.io.json_node import Node
+from distretarget.io.reading import CharacterTarget, TargetFile
 from distretarget.io.smpl import smpl_parameters
-from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import as_humanoid, vrma
 from distretarget.motion import Motion, single_precision
 from distretarget.numerics.rotations import RotationKind

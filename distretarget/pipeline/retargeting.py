@@ -21,14 +21,12 @@ from distretarget.checks import check_callable, check_kind
 from distretarget.contact_entries import NO_CONTACTS, ContactList
 from distretarget.errors import SAY_IN_A_MAP, MatchingError, in_file, quoted
 from distretarget.ik.poses import Mapper, Progress, ignore_progress
-from distretarget.io.expressions import find_expressions
 from distretarget.io.files import STANDARD_INPUT
-from distretarget.io.gltf_scene import FACE_LEFT_OUT
+from distretarget.io.gltf_scene import FACE_LEFT_OUT, find_expressions
 from distretarget.io.input_file import InputFile, OutputKind
 from distretarget.io.map_json import MapFile, joint_map
-from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, NamedClip, OutputSettings, as_written
-from distretarget.io.target_file import CharacterTarget, TargetFile, with_source
+from distretarget.io.reading import CharacterTarget, TargetFile, parse_motion, with_source
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.vectors import Array

@@ -15,7 +15,7 @@ from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
 from distretarget.io.files import write_whole
 from distretarget.io.input_file import InputFile
-from distretarget.io.target_file import parse_full_target
+from distretarget.io.reading import parse_full_target
 from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note

@@ -21,9 +21,8 @@ from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.io.files import encoded_parts
 from distretarget.io.input_file import FBX, OUTPUT_FORMATS, OUTPUTS, InputFile
-from distretarget.io.motion_file import parse_motion
 from distretarget.io.motion_writer import content_of, output_kind, suffix_of
-from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
+from distretarget.io.reading import CharacterTarget, TargetFile, animations_in, parse_motion
 from distretarget.measure.verdict import Remark
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
 from distretarget.pipeline.retargeting import Conversion, Converted, Recipe
