@@ -1,6 +1,4 @@
-"""Find faults in the clips of a folder, in each alone and in comparison with others of its rig; and make a page on
-them, with the worst frames.
-"""
+"""Find faults in the clips of a folder, in each alone and against others of its rig; a page shows the worst frames."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Run a batch: retarget the clips that are not done, record the outcome of each, and make pages on them. Scripts call
-`convert_folder`.
-"""
+"""Run a batch: retarget the clips that are not done, record the outcome of each, and make pages on them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""Jobs, each to retarget a clip without access to files, and the workers that do them, a few at a time: processes of
-this machine, or a Dask cluster.
-"""
+"""Jobs, each to retarget a clip, and the workers that do them: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 

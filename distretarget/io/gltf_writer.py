@@ -146,8 +146,8 @@ def animated(
 def _animation_entries(
     gltf: Gltf, animations: Sequence[Animation], numbers: _BufferWriter, nodes: Nodes, mode: Mode
 ) -> Iterator[dict[str, object]]:
-    """Yield the entries of animations, and add their data to `numbers`; a taken name gets a number. Each gets a rest
-    key for channels that only others have: players leave these where the previous animation left them.
+    """Yield the entries of animations, whose data are added to `numbers`. A rest key for each channel that only others
+    have resets what the previous animation moved.
     """
     existing = gltf.entries("animations") if mode == "add" else []
     taken = {entry.entries().read("name", Node.text, "") for entry in existing} - {""}

@@ -1,6 +1,4 @@
-"""Input files: their content, the files beside them that they refer to, and their formats, one row each in `FORMATS`:
-how to recognise a format, what it may hold, what is written in it.
-"""
+"""Input files: their content, the files that they refer to, and their formats, one row each in `FORMATS`."""
 
 from __future__ import annotations
 

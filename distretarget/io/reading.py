@@ -1,6 +1,4 @@
-"""Read files of all formats, BVH, glTF, VRM, FBX, skeleton files and arrays: targets with their meshes, builds of
-bodies, and motions.
-"""
+"""Read files of all formats: targets with their meshes, builds of bodies, and motions."""
 
 from __future__ import annotations
 

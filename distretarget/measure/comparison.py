@@ -1,6 +1,4 @@
-"""Measure a motion against the motion that it was made from, with code that shares nothing with the solvers; and turns,
-shaking and pops that the rotation copy does not have and that no contact or support explains.
-"""
+"""Measure a motion against its source and the rotation copy, with code that shares nothing with the solvers."""
 
 from __future__ import annotations
 

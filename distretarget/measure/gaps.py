@@ -192,9 +192,7 @@ def _gaps(
     farthest: float,
     count: int = len(LIMBS),
 ) -> Array:
-    """(frames, count, segments), gaps of the first `count` of `PARTS` to the other, at most `farthest` [% of mean
-    height].
-    """
+    """(frames, count, segments), gaps of the first parts to the other, at most `farthest` [% of mean height]."""
     solids = skins[other].solids.of_second_body(len(motions[one].skeleton))
     height = (skins[0].height + skins[1].height) / 2.0
     exists = np.isin(np.arange(len(SEGMENTS)), solids.groups[:-1, 1])

@@ -327,9 +327,7 @@ class Surface:
         return np.flatnonzero(np.isin(self.centres.carriers, [*joints]))
 
     def lowest(self, motion: Motion, joints: Iterable[int], up: Array) -> Array:
-        """(frames,), the height of the lowest point that some joints carry, along the unit vector `up`, (3,) [file
-        units]; infinite if they carry none.
-        """
+        """(frames,), the height of the lowest point that joints carry, along `up`, (3,) [file units]; else infinite."""
         on = self.on(joints)
         some, radii = _without_triangles(self.centres, on), self.radii[on]
         return in_blocks(
@@ -357,9 +355,7 @@ def find_surface(skeleton: Skeleton, capsules: Capsules, mesh: SkinnedMesh | Non
 
 @lru_cache(maxsize=4)
 def surface_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton) -> Surface:
-    """Return the surface of a mesh: of the vertices that one joint carries, and of its rigid pieces, those that can be
-    the outermost.
-    """
+    """Return the surface of a mesh: the vertices of each joint, and of its rigid pieces, that can be the outermost."""
     rigid = _on_rigid_pieces(mesh)
     kinds = 2 * mesh.carriers + rigid
     groups = [np.flatnonzero(kinds == kind) for kind in np.unique(kinds)]

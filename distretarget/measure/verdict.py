@@ -68,9 +68,7 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[Remark]:
-    """Yield the parts of a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction
-    error; then the names of metrics over their limits, and of others worse than with copied rotations.
-    """
+    """Yield the parts of a sentence on what was kept; then metrics over limits, or worse than with copied rotations."""
     of_result = tracks["result"]
     parts = [Remark(_contacts(metrics)), *_skin(metrics, of_result), Remark(_feet(metrics))]
     parts += [*map(Remark, _supports(metrics)), *map(Remark, _floor(metrics))]

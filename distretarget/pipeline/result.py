@@ -287,9 +287,7 @@ class RetargetResult:
 
     @cached_property
     def metrics(self) -> dict[Variant, dict[str, float | None]]:
-        """The metrics of the whole clip, by key (`measure.metrics.METRICS`), of source, rotation copy and result; None
-        where nothing was measured.
-        """
+        """The metrics of the clip, by key, of source, rotation copy and result; None where nothing was measured."""
         return {side: clip_metrics(tracks) for side, tracks in self.tracks.items()}
 
     @property

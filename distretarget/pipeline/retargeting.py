@@ -1,6 +1,4 @@
-"""Retarget one clip: source motion and target in, target motion and metrics out; or, for the command line, batches,
-scenes and the studio, files in and the clip to write out, with errors that name files.
-"""
+"""Retarget one clip: motion and target in, motion and metrics out; or files in, and the clip to write out."""
 
 from __future__ import annotations
 

@@ -1,8 +1,4 @@
-"""HTML pages as single files: a template, its styles, the modules of its scripts in one scope, and JSON data; and the
-page on all clips of a batch, with links to their reports.
-
-A page runs only its own scripts, which are named by hash, and loads nothing.
-"""
+"""HTML pages as single files, with only their own scripts, that load nothing; and the page on all clips of a batch."""
 
 from __future__ import annotations
 

@@ -1,6 +1,4 @@
-"""The data of a player: bodies in motion on its sides, frames to go to, and the rows of its timeline; and the page of
-`distretarget view`.
-"""
+"""The data of a player: bodies in motion, rows of its timeline, frames to go to; the page of `distretarget view`."""
 
 from __future__ import annotations
 

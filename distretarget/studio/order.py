@@ -43,9 +43,7 @@ class Order:
 
     @classmethod
     def of(cls, given: Mapping[str, Any], path: Path | None = None) -> Order:
-        """Return the order that the page sent, or that is in the file `path`; a SettingsError, FileError or
-        SkeletonFileError if it is invalid.
-        """
+        """Return the order that the page sent, or that is in the file `path`; errors as in `load_project`."""
         known = {*FILES, *SETTINGS, "format"}
         if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*FILES}:
             raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")

@@ -257,9 +257,7 @@ class Session:
         return finished
 
     def names_of(self, orders: Sequence[Order], merged: bool) -> list[Names]:
-        """Return the names of the files of several orders, all different, except for that of the result if they are
-        `merged`.
-        """
+        """Return the names of the files of several orders, all different, but for that of a `merged` result."""
         taken, found = frozenset(str(each["name"]).casefold() for each in self.dropped), list[Names]()
         for order in orders:
             clip, character = self._file(order.clip), self._target(order.character)
