@@ -129,19 +129,13 @@ def packed(record: BatchRecord) -> Packed:
 def unpacked(settings: str, rig: str, clip: bytes, metrics: bytes) -> BatchRecord:
     """Return the record that was packed in these parts; a ValueError if they are damaged."""
     try:
-        return _unpacked(settings, rig, clip, metrics)
+        shared, own = {**_shared(settings, rig)}, _checked(json.loads(_inflated(clip)), CLIP)
+        columns = shared.pop("columns")
+        numbers = [each if abs(each) < MOST else None for each in np.frombuffer(_inflated(metrics), "<f4").tolist()]
+        found = dict(zip(columns if numbers else (), numbers, strict=True))
+        return cast(BatchRecord, {**shared, **own, "metrics": found})
     except (TypeError, RecursionError, zlib.error) as error:
         raise ValueError from error
-
-
-def _unpacked(settings: str, rig: str, clip: bytes, metrics: bytes) -> BatchRecord:
-    shared = _shared(settings, rig)
-    numbers = [each if abs(each) < MOST else None for each in np.frombuffer(_inflated(metrics), "<f4").tolist()]
-    found = dict(zip(shared["columns"] if numbers else (), numbers, strict=True))
-    own = _checked(json.loads(_inflated(clip)), CLIP)
-    record = {**shared, **own, "metrics": found}
-    del record["columns"]
-    return cast(BatchRecord, record)
 
 
 @lru_cache(maxsize=256)

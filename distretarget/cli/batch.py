@@ -237,18 +237,8 @@ def _converted(batch: Batch, dask: str | None, jobs: int | None) -> tuple[Tally,
         workers: Workers = Processes(jobs or cores())
     else:
         workers = Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
-    stopped, status = _convert(batch, workers, tally)
-    say(*tally.lines)
-    complain(*(tally.failures if is_quiet() else ()))
-    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
-    if stopped:
-        complain(f"distretarget: {stopped}")
-    return tally, status
-
-
-def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
-    """Retarget the clips; return why the batch stopped and the exit status; "" and 0 if it did not."""
     silent = is_quiet() or None  # None: bars on a terminal only
+    stopped, status = "", 0
     with (
         closing(workers),
         tqdm(total=tally.clips, unit=" clips", disable=silent, leave=False) as clips,
@@ -264,10 +254,15 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
             batch.convert(workers, tally, show)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # do not interrupt the summary
-            return "interrupted; run this again to go on", INTERRUPTED
+            stopped, status = "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
-            return str(error), 1
-    return "", 0
+            stopped, status = str(error), 1
+    say(*tally.lines)
+    complain(*(tally.failures if is_quiet() else ()))
+    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
+    if stopped:
+        complain(f"distretarget: {stopped}")
+    return tally, status
 
 
 def _print_plan(batch: Batch) -> None:

@@ -188,11 +188,7 @@ def load_build(path: str | Path) -> Build:
         return average_build(str(path))
     if not Path(path).suffix and not Path(path).exists():
         raise FileError(path, f"is neither a file nor an average build ({', '.join(BUILDS)})")
-    return parse_build(load_file(path))
-
-
-def parse_build(file: InputFile) -> Build:
-    """Return the build of the body in a file as `load_build` does."""
+    file = load_file(path)
     return build_of(parse_full_target(file), file.path)
 
 
@@ -211,7 +207,7 @@ def with_source(builds: Builds, file: InputFile) -> Builds:
     if builds.source is not None or not file.format.has_characters:
         return builds
     with suppress(DistretargetError):
-        return replace(builds, source=parse_build(file))
+        return replace(builds, source=build_of(parse_full_target(file), file.path))
     return builds
 
 

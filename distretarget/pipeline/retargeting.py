@@ -207,12 +207,10 @@ class Recipe:
     edits: Edits = NO_EDITS
 
     def __post_init__(self) -> None:
-        check_kind("options", self.options, Options)
-        check_kind("map_file", self.map_file, MapFile)
         check_kind("clip", self.clip, str, NoneType)
-        check_kind("writing", self.writing, OutputSettings)
-        check_kind("builds", self.builds, Builds)
-        check_kind("edits", self.edits, Edits)
+        kinds = {"options": Options, "map_file": MapFile, "writing": OutputSettings, "builds": Builds, "edits": Edits}
+        for name, kind in kinds.items():
+            check_kind(name, getattr(self, name), kind)
 
     @cached_property
     def settings(self) -> dict[str, object]:
