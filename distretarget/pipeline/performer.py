@@ -84,7 +84,7 @@ def match_performer(transfer: Transfer) -> Match:
     named = {*filter(None, pairs.values())}
     source_body = with_hips_at_thighs(Body.of_motion(without_twins(source, named)))
     source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
-    body = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
+    body = Body.of(goal.skeleton, goal.motion)
     hips = shift_to_thighs(body)
     if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
         hips = None
@@ -244,12 +244,6 @@ class Performer:
         inner = [bool(each) for each in skeleton.children]
         each = zip(axes, inner, turns, strict=True)
         return any(0 < own < 3 or (not own and carries and turn > LEAST_TURN) for own, carries, turn in each)
-
-
-@lru_cache(maxsize=4)
-def _body_at_rest(skeleton: Skeleton) -> Body:
-    """The body of a target, cached for a batch of clips with the same target."""
-    return Body.of(skeleton)
 
 
 def _check(source: Motion, target: Skeleton) -> None:
