@@ -58,6 +58,7 @@ REASONS = {
     sqlite3.SQLITE_CANTOPEN: "cannot be opened: is the folder writable?",
     sqlite3.SQLITE_CORRUPT: "is damaged; delete it, and give --overwrite to replace the results",
 }
+
 made_from = itemgetter("input_hash", "target_hash", "options", "version")  # the values that determine a result
 # Keys and defaults of the parts of a packed record.
 SETTINGS: dict[str, Any] = {"target": "", "target_hash": "", "options": {}, "version": ""}
@@ -72,6 +73,7 @@ WORDS = (  # the preset dictionary of the compression: texts that most parts con
     b'error: Left, 0. degrees at frame "input":"output":".bvh","status":"done","input_hash":"sha256:","output_hash":"'
     b"sha256:"
 )
+
 Packed = tuple[str, str, bytes, bytes]
 
 

@@ -36,8 +36,6 @@ INSTANT = 1 / 60  # the time over which turns, shaking and pops are measured [s]
 STEADY = 1 / 30  # the step of the differences that give the acceleration of the hips, above the time of noise [s]
 # Roles whose bones point differently in every body: of trunk, collar bones, hands, head and feet.
 BUILT_DIFFERENTLY = ("hips", "spine", "chest", "upperChest", "neck", "head", "Shoulder", "Hand", "Foot", "Toes")
-
-Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
 NOT_TURNED = ("head", "upperChest", "chest", "leftHand", "rightHand")  # roles whose rotations contacts need not change
 SINKS = 2.0  # a copied arm needs no change if it sinks in by less than this [% of height]
 AROUND = 0.75  # an arm may turn for this long before and after frames in which it needs to [s]
@@ -45,6 +43,8 @@ LASTS = 0.1  # shaking is a median over this time before and after [s]
 FAR = 4.0  # a joint pops if its step relative to the copy is larger than this [% of leg length in INSTANT] ...
 SUDDEN = 3.0  # ... and than this many times the usual step
 JUMP = 2.0  # a step of the source larger than `FAR` and than this many times the usual one is an error of the data
+
+Expected = Callable[[slice], Array]  # directions of bones in a block of frames, (frames, bones, 3), of any length
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

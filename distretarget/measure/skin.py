@@ -33,7 +33,6 @@ PATCH = 8  # most points of a patch
 BLENDED = 1.2  # room in a bounding ball for points that other joints move as well [radii of a patch]
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
 
-
 TRUNK = ("chest", "belly", "pelvis")  # one part: where one ends and the next begins differs between rigs
 THINNEST = 0.1  # least distance from the axis to divide by [lengths of the axis]
 SHOULDERS = ("leftUpperArm", "rightUpperArm")
@@ -49,6 +48,7 @@ TOUCHED = tuple(BONES)
 PART_OF = np.array(
     [TOUCHED.index(part) if (part := "trunk" if name in TRUNK else name) in TOUCHED else -1 for name in SEGMENTS]
 )
+
 ALONE = 0.99  # a joint with at least this skin weight moves a vertex alone
 
 

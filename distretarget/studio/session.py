@@ -8,7 +8,7 @@ import threading
 import uuid
 import zipfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -25,7 +25,7 @@ from distretarget.io.motion_writer import content_of, output_kind, suffix_of
 from distretarget.io.reading import CharacterTarget, TargetFile, animations_in, parse_motion
 from distretarget.measure.verdict import Remark
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
-from distretarget.pipeline.retargeting import Conversion, Converted, Recipe
+from distretarget.pipeline.retargeting import Conversion, Converted
 from distretarget.report.clip_page import Meshes, meshes_of, run_axes, run_motions, run_page, run_timeline
 from distretarget.report.diff_document import About
 from distretarget.skeleton import Skeleton
@@ -58,12 +58,6 @@ class FinishedOrder:
     def target(self) -> TargetFile:
         """The character."""
         return self.conversion.target
-
-    @property
-    def report(self) -> str:
-        """The HTML of the report."""
-        about = About(a=str(self.source.path), b=str(self.target.path))
-        return run_page(self.converted.result, about, self.target.target, self.source)
 
     @cached_property
     def contacts(self) -> tuple[MarkedContact, ...]:
@@ -130,7 +124,9 @@ class FinishedOrder:
                 files = {self.order.clip: self.source, self.order.character: self._character}
                 return names.of_kind("project.json"), project_to_json([self.order], self.format, files).encode()
             case "report":
-                return f"{PurePath(names.result).stem}.html", self.report.encode()
+                about = About(a=str(self.source.path), b=str(self.target.path))
+                page = run_page(self.converted.result, about, self.target.target, self.source)
+                return f"{PurePath(names.result).stem}.html", page.encode()
         if kind != self.format:
             raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
         return names.result, self.motion(names.result)
@@ -158,12 +154,6 @@ def _joint_keys(skeleton: Skeleton) -> list[str]:
     """The key of each joint, for End Sites that of the parent."""
     ends = zip(skeleton.parents.tolist(), skeleton.end_sites, strict=True)
     return [skeleton.keys[max(parent, 0) if end else joint] for joint, (parent, end) in enumerate(ends)]
-
-
-def _numbered(name: str) -> Iterator[str]:
-    """Yield the name of a file, then the same with numbers."""
-    path = PurePath(name)
-    return (str(path.with_stem(f"{path.stem}{number or ''}")) for number in count())
 
 
 def formats_of(target: TargetFile) -> list[str]:
@@ -225,8 +215,9 @@ class Session:
             errors.append(error)
         if len(errors) == 2:
             raise errors[0]
-        taken = {str(known["name"]).casefold() for known in self.dropped}
-        free = next(each for each in _numbered(str(file.path)) if each.casefold() not in taken)
+        taken, place = {str(known["name"]).casefold() for known in self.dropped}, PurePath(file.path)
+        numbered = (str(place.with_stem(f"{place.stem}{number or ''}")) for number in count())
+        free = next(each for each in numbered if each.casefold() not in taken)
         if free != str(file.path):
             self._known[key] = self.add(free, content)
             return self._known[key]
@@ -315,21 +306,17 @@ class Session:
         similar = next((one for one in self._finished.values() if one.order.preparation == order.preparation), None)
         while len(self._finished) > (similar is not None):  # before the next result takes memory
             self._finished.popitem(last=False)
-        conversion = similar.conversion if similar else self._conversion(source, target, recipe, check)
-        converted = conversion.converted(
-            recipe.name_of(source), (OUTPUTS[f".{form}"],), contacts=order.contacts, progress=check
-        )
+        name, kinds = recipe.name_of(source), (OUTPUTS[f".{form}"],)
         if similar:
+            converted = similar.conversion.converted(name, kinds, order.contacts, check)
             return replace(similar, order=order, converted=converted, format=form)
-        found, meshes = contacts_of(converted.result.baseline), meshes_of(converted.result, target.target, source)
-        return FinishedOrder(order, conversion, found, meshes, converted, form)
-
-    @staticmethod
-    def _conversion(source: InputFile, target: TargetFile, recipe: Recipe, check: Callable[[int], None]) -> Conversion:
         motion, _ = recipe.read(source)
         check(0)
         ready = Conversion.of(motion, source, target, recipe)
-        return replace(ready, prepared=ready.prepared.once_solved(check))
+        conversion = replace(ready, prepared=ready.prepared.once_solved(check))
+        converted = conversion.converted(name, kinds, order.contacts, check)
+        found, meshes = contacts_of(converted.result.baseline), meshes_of(converted.result, target.target, source)
+        return FinishedOrder(order, conversion, found, meshes, converted, form)
 
     def _target(self, file_id: str) -> TargetFile:
         if file_id not in self._targets:
