@@ -22,7 +22,7 @@ from functools import cached_property, lru_cache
 from itertools import chain, groupby
 from operator import itemgetter
 from pathlib import Path, PurePath
-from typing import Any, NoReturn, cast
+from typing import Any, Literal, NoReturn, TypedDict, cast
 
 import numpy as np
 
@@ -34,7 +34,7 @@ from distretarget.io.input_file import load_file
 from distretarget.io.motion_writer import OutputSettings, character_animation, with_animations
 from distretarget.io.reading import TargetFile, parse_motion
 from distretarget.measure.metrics import COLUMNS
-from distretarget.report.page import VERSION, ClipRecord
+from distretarget.report.page import VERSION
 
 SCHEMA = [
     "CREATE TABLE texts (id INTEGER PRIMARY KEY, text TEXT UNIQUE)",  # that many clips share
@@ -77,10 +77,19 @@ WORDS = (  # the preset dictionary of the compression: texts that most parts con
 Packed = tuple[str, str, bytes, bytes]
 
 
-class BatchRecord(ClipRecord):
+class BatchRecord(TypedDict):
     """The outcome of a clip. Hashes of files are "sha256:" and hexadecimal digits.
 
     Attributes:
+        input: path of the clip.
+        output: path of the result, relative to the folder of results, with slashes.
+        target: path of the target's file.
+        frames: number of retargeted frames.
+        seconds: time of retargeting [s].
+        metrics: by `measure.metrics.COLUMNS`; None where nothing was measured; empty if it failed.
+        warnings: a line each.
+        status: "done" or "failed".
+        error: why it failed; empty if it did not.
         input_hash: of the clip's file; empty if it could not be read.
         output_hash: of the result; empty if there is none.
         others: the hashes of the other results by their paths in the folder of results.
@@ -92,6 +101,15 @@ class BatchRecord(ClipRecord):
         alignment: of the two bodies, see `alignment_text`.
     """
 
+    input: str
+    output: str
+    target: str
+    frames: int
+    seconds: float
+    metrics: Mapping[str, float | None]
+    warnings: list[str]
+    status: Literal["done", "failed"]
+    error: str
     input_hash: str
     output_hash: str
     others: dict[str, str]
