@@ -24,8 +24,7 @@ from clips import SAMPLES, back_and_forth
 
 from distretarget import read_bvh, write_bvh
 from distretarget.batch.plan import DATABASE, METRICS
-from distretarget.batch.record import BatchRecord
-from distretarget.batch.results import Database
+from distretarget.batch.results import BatchRecord, Database
 
 CLIPS = ("walk", "clap", "wave", "turn", "hands_on_hips")
 TARGET = SAMPLES / "rigs" / "mixamo_t.json"

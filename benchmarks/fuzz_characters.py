@@ -20,7 +20,7 @@ from mutated_gltf import mutated
 from distretarget import DistretargetError, Motion, load_target, read_bvh, read_motion, retarget, write_motion
 from distretarget.io.bvh import MAX_DEPTH, parse_bvh
 from distretarget.io.bvh_writer import bvh_parts
-from distretarget.io.target_file import CharacterTarget
+from distretarget.io.reading import CharacterTarget
 
 # Memory limit of a file: ten times its size, and that of 1,000,000 poses, which two keys far apart may need [bytes].
 FREE_MEMORY, PER_BYTE = 128 * 2**20, 10

@@ -18,7 +18,7 @@ from mutated_gltf import mutated
 from distretarget import DistretargetError, read_motion
 from distretarget.io.files import is_folder
 from distretarget.io.input_file import load_file
-from distretarget.io.target_file import animations_in
+from distretarget.io.reading import animations_in
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made

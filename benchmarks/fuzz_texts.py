@@ -16,14 +16,14 @@ from fuzz_outcomes import NotReadBackError, check_close, read_back
 from hypothesis import strategies as st
 
 from distretarget import Motion, Options, Skeleton, Tally, Target
-from distretarget.batch.record import packed_part, unpacked
+from distretarget.batch.results import packed_part, unpacked
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.bvh_writer import bvh_parts, python_refusals
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import parse_map
+from distretarget.io.reading import TargetFile, parse_target
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import TargetFile, parse_target
-from distretarget.pipeline.conversion import Conversion, Recipe
+from distretarget.pipeline.retargeting import Conversion, Recipe
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "tests"))
 import strategies as made

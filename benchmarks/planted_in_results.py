@@ -207,7 +207,8 @@ def seen_of_solver(character: Path, fault: Fault) -> set[str]:
     stage = stage_of(character, sample)
 
     def wrong(matching: Matching, scale: RootScale) -> Motion:
-        baseline = replace(stage.result.baseline, matching=matching)
+        match = replace(stage.result.baseline.match, matching=matching)
+        baseline = replace(stage.result.baseline, match=match)
         return plant(Stage(replace(stage.result, baseline=baseline, motion=right(matching, scale))))
 
     clip.rotation_copy = wrong

@@ -37,8 +37,7 @@ from distretarget import Motion, RetargetResult, load_target, read_motion
 from distretarget.body.anatomy import SIDES
 from distretarget.body.limbs import arm_raise
 from distretarget.errors import DistretargetError
-from distretarget.measure.comparison import Comparison, Reference
-from distretarget.measure.deviations import find_arm_deviation
+from distretarget.measure.comparison import Comparison, Reference, find_arm_deviation
 from distretarget.measure.metrics import clip_metrics
 from distretarget.measure.skin import find_skin
 from distretarget.numerics.vectors import Array, lengths

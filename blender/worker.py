@@ -52,7 +52,7 @@ def _retargeted(job: dict, progress: Path) -> dict:
     from distretarget import Builds, DistretargetError, Edits, OutputSettings, contacts_to_json, read_motion, retarget
     from distretarget.io.contacts_file import HEADER, parse_contacts
     from distretarget.io.input_file import load_file
-    from distretarget.io.target_file import build_of, with_source
+    from distretarget.io.reading import build_of, with_source
     from distretarget.pipeline.found_contacts import contacts_of
 
     builds = Builds()

@@ -54,6 +54,13 @@ class Entry:
             if name == "frames" and any(each != int(each) for each in span):
                 raise SettingsError(f"frames go from {span[0]:g} to {span[1]:g}; expected whole numbers, or seconds")
         check_kind("found", self.found, str)
+        count = 2 if self.key in ("between", "distance") else 1
+        names = getattr(self, self.key) if count == 2 else (getattr(self, self.key),)
+        if not isinstance(names, tuple) or len(names) != count or not all(isinstance(name, str) for name in names):
+            what = "the name of a part or joint" if count == 1 else "the names of two parts or joints"
+            raise SettingsError(f"{self.key} is {names!r}; expected {what}")
+        if count == 2 and names[0] == names[1]:
+            raise SettingsError(f"{self.key} names {names[0]!r} twice; expected two parts")
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,7 +106,6 @@ class Contact(Entry):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_names("between", self.between, 2)
         check_kind("keep", self.keep, bool)
         if self.gap is not None and self.gap != "source":
             check_number("gap", self.gap, 0.0, LARGEST)
@@ -143,7 +149,6 @@ class Plant(Entry):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_names("plant", (self.plant,), 1)
         check_kind("keep", self.keep, bool)
         if self.on is not None and not isinstance(self.on, str):
             _check_numbers("on", self.on, 3, -LARGEST)
@@ -175,7 +180,6 @@ class Distance(Entry):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_names("distance", self.distance, 2)
         check_number("value", self.value, 0.0, LARGEST)
         check_number("priority", self.priority, 0.0, 1e6)
 
@@ -198,7 +202,6 @@ class Look(Entry):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        _check_names("look", (self.look,), 1)
         if self.like != "source":
             _check_numbers("like", self.like, 3, -LARGEST)
             if not any(self.like):
@@ -266,14 +269,6 @@ class DroppedContact:
     def matches(self, a: Numbers, b: Numbers) -> Flags:
         """(pairs,), whether joints a and b, (pairs,) each, belong to one part each, in either order."""
         return np.asarray(np.any([np.isin(a, one) & np.isin(b, other) for one, other in self.orders], axis=0))
-
-
-def _check_names(name: str, parts: object, count: int) -> None:
-    if not isinstance(parts, tuple) or len(parts) != count or not all(isinstance(part, str) for part in parts):
-        what = "the name of a part or joint" if count == 1 else "the names of two parts or joints"
-        raise SettingsError(f"{name} is {parts!r}; expected {what}")
-    if count == 2 and parts[0] == parts[1]:
-        raise SettingsError(f"{name} names {parts[0]!r} twice; expected two parts")
 
 
 def _check_numbers(name: str, values: object, count: int, least: float) -> None:

@@ -310,9 +310,8 @@ class Motion:
         return int((len(self) - 1) * self.frame_time / step + SAME_TIME) + 1
 
     def resampled(self, frame_time_text: str, most: int | None = None) -> Motion:
-        """Return the motion at another frame time: translations interpolated linearly, rotations spherically; if given,
-        only the first `most` frames. A MotionError if the frame time is invalid, or makes far more frames than the
-        motion has.
+        """Return the motion at another frame time, interpolated linearly; if given, only the first `most` frames. A
+        MotionError if the frame time is invalid, or makes far more frames than the motion has.
         """
         _check_frame_time(frame_time_text)
         step = float(frame_time_text)
@@ -335,9 +334,7 @@ class Motion:
         return Motion.of_translations(self.skeleton, translations, rotations, frame_time_text)
 
     def to_dict(self, rotations: RotationKind = "quaternion") -> MotionArrays:
-        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d" (its first two columns);
-        a MotionError for another kind.
-        """
+        """Return the motion as arrays; rotations as "quaternion" (x y z w), "matrix", or "6d", its first columns."""
         if not isinstance(rotations, str) or rotations not in get_args(RotationKind):
             raise MotionError(f"rotations is {rotations!r}; expected one of {quoted(get_args(RotationKind))}")
         return MotionArrays(

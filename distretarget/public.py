@@ -2,7 +2,7 @@
 
 from distretarget.baseline.world import World as World
 from distretarget.batch.batch import convert_folder as convert_folder
-from distretarget.batch.record import BatchRecord as BatchRecord
+from distretarget.batch.results import BatchRecord as BatchRecord
 from distretarget.batch.summary import Tally as Tally
 from distretarget.body.anatomy import Anatomy as Anatomy
 from distretarget.body.body import Body as Body
@@ -33,12 +33,12 @@ from distretarget.io.contacts_file import load_contacts as load_contacts
 from distretarget.io.interop import from_bvhio as from_bvhio
 from distretarget.io.interop import to_bvhio as to_bvhio
 from distretarget.io.map_json import load_map as load_map
-from distretarget.io.motion_file import read_motion as read_motion
 from distretarget.io.motion_writer import OutputSettings as OutputSettings
 from distretarget.io.motion_writer import write_motion as write_motion
 from distretarget.io.motion_writer import write_npz as write_npz
-from distretarget.io.target_file import load_build as load_build
-from distretarget.io.target_file import load_target as load_target
+from distretarget.io.reading import load_build as load_build
+from distretarget.io.reading import load_target as load_target
+from distretarget.io.reading import read_motion as read_motion
 from distretarget.matching.matching import Matching as Matching
 from distretarget.matching.matching import match as match
 from distretarget.measure.comparison import Comparison as Comparison
@@ -54,7 +54,6 @@ from distretarget.motion import MotionArrays as MotionArrays
 from distretarget.motion import MovingBones as MovingBones
 from distretarget.objectives.activation import ContactSettings as ContactSettings
 from distretarget.objectives.supports import Supports as Supports
-from distretarget.pipeline.conversion import Recipe as Recipe
 from distretarget.pipeline.edits import Edits as Edits
 from distretarget.pipeline.edits import at_speed as at_speed
 from distretarget.pipeline.edits import looped as looped
@@ -64,6 +63,7 @@ from distretarget.pipeline.edits import turned as turned
 from distretarget.pipeline.found_contacts import find_contacts as find_contacts
 from distretarget.pipeline.options import Options as Options
 from distretarget.pipeline.result import RetargetResult as RetargetResult
+from distretarget.pipeline.retargeting import Recipe as Recipe
 from distretarget.pipeline.retargeting import retarget as retarget
 from distretarget.report.clip_page import write_report as write_report
 from distretarget.report.scene_page import write_scene_report as write_scene_report

@@ -2,7 +2,7 @@
 
 from distretarget.io.files import encoded_parts, hash_of
 from distretarget.io.input_file import InputFile
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile
 
 
 def file_of(text, path):

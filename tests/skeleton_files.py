@@ -6,7 +6,7 @@ import pytest
 from input_files import file_of
 from schemas import validator
 
-from distretarget.io.target_file import load_target
+from distretarget.io.reading import load_target
 
 HEAD = {"format": "distretarget-skeleton", "version": 1}
 HIPS = {"name": "Hips", "parent": None, "offset": [0, 96.4, 0]}
@@ -26,7 +26,7 @@ def short(**others):
 def load_json(text):
     """The skeleton in a text, without a file of its own for each of many."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("distretarget.io.target_file.load_file", lambda path: file_of(text, path))
+        patch.setattr("distretarget.io.reading.load_file", lambda path: file_of(text, path))
         return load_target("given.json").skeleton
 
 

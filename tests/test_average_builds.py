@@ -13,7 +13,7 @@ from distretarget import Body, Build, Builds, FileError, Options, SkeletonEdit, 
 from distretarget.body.build import AGES, BUILDS, OWN_BUILDS, age_of, average_build
 from distretarget.body.segments import proportions
 from distretarget.io.input_file import load_file
-from distretarget.io.target_file import with_source
+from distretarget.io.reading import with_source
 from distretarget.pipeline.options import DEFAULT_OPTIONS
 from distretarget.pipeline.performer import Transfer, match_performer, target_capsules
 from distretarget.scene.scene_file import load_scene

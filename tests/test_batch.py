@@ -9,18 +9,18 @@ from program import last_records
 
 from distretarget.batch import batch as batch_module
 from distretarget.batch.batch import Batch
-from distretarget.batch.job import Result, target_of_job
 from distretarget.batch.pages import MARK, OUTPUT_MARK, Pages
 from distretarget.batch.plan import find_clips, plan
 from distretarget.batch.results import Database, Results
 from distretarget.batch.summary import Tally
+from distretarget.batch.workers import Result, target_of_job
 from distretarget.errors import BatchError, FileError
 from distretarget.io.files import encoded_parts
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.metrics import COLUMNS
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import Options
+from distretarget.pipeline.retargeting import Recipe
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 

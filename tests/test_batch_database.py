@@ -21,14 +21,13 @@ from distretarget import write_bvh
 from distretarget.batch import pages
 from distretarget.batch import results as database_module
 from distretarget.batch.plan import DATABASE, PlannedClip
-from distretarget.batch.record import new_record, packed, unpacked
-from distretarget.batch.results import Database, Results
+from distretarget.batch.results import Database, Results, new_record, packed, unpacked
 from distretarget.errors import FileError, MissingPackageError
 from distretarget.io.map_json import MapFile
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.measure.metrics import COLUMNS
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.options import Options
+from distretarget.pipeline.retargeting import Recipe
 
 OPTIONS = Options()
 OUTPUT = "HIERARCHY"

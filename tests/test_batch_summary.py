@@ -13,8 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget import convert_folder, write_bvh
 from distretarget.batch.plan import PlannedClip
-from distretarget.batch.record import new_record
-from distretarget.batch.results import Database
+from distretarget.batch.results import Database, new_record
 from distretarget.batch.summary import SCALE, SPREAD_ROLES, Tally, alignment_text, largest_spread, spread_warnings
 
 

@@ -15,18 +15,15 @@ from bvh_texts import format_bvh
 from input_files import file_of, target_of
 
 from distretarget import retarget
-from distretarget.batch import job as batch_job
-from distretarget.batch import workers as cluster_module
-from distretarget.batch import workers as processes_module
-from distretarget.batch.job import Job, run
+from distretarget.batch import workers as workers_module
 from distretarget.batch.plan import PlannedClip
-from distretarget.batch.record import new_record
-from distretarget.batch.workers import Processes
+from distretarget.batch.results import new_record
+from distretarget.batch.workers import Job, Processes, run
 from distretarget.errors import BatchError
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.pipeline import conversion
-from distretarget.pipeline.conversion import Recipe
+from distretarget.pipeline import retargeting
+from distretarget.pipeline.retargeting import Recipe
 from distretarget.report.diff_document import About
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
@@ -61,30 +58,30 @@ def test_a_worker_says_what_went_wrong(monkeypatch):
     def fail(*_):
         raise ZeroDivisionError("two\nlines")
 
-    monkeypatch.setattr(conversion, "parse_motion", fail)
+    monkeypatch.setattr(retargeting, "parse_motion", fail)
     assert error_of(job_of("")) == "in.bvh: unexpected ZeroDivisionError: two lines; please report this"
 
     def fill(*_):
         raise MemoryError
 
-    monkeypatch.setattr(conversion, "parse_motion", fill)
+    monkeypatch.setattr(retargeting, "parse_motion", fill)
     assert error_of(job_of("")) == "in.bvh: out of memory"
 
 
 def test_a_worker_starts_with_one_thread_unless_the_user_says_otherwise(monkeypatch):
     """There is a worker for each core; with more threads they would get in each other's way."""
-    for name in processes_module.THREAD_VARIABLES:
+    for name in workers_module.THREAD_VARIABLES:
         monkeypatch.delenv(name, raising=False)
     monkeypatch.setenv("MKL_NUM_THREADS", "3")
-    with processes_module._worker_environment():
-        threads = {name: os.environ[name] for name in processes_module.THREAD_VARIABLES}
+    with workers_module._worker_environment():
+        threads = {name: os.environ[name] for name in workers_module.THREAD_VARIABLES}
     assert threads == {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "3"}
     assert "OMP_NUM_THREADS" not in os.environ
 
 
 def test_a_worker_of_another_version_refuses(monkeypatch):
     job = job_of("")
-    monkeypatch.setattr(batch_job, "VERSION", "0")
+    monkeypatch.setattr(workers_module, "VERSION", "0")
     assert error_of(job) == f"in.bvh: a worker runs version 0, this is {job.record['version']}"
 
 
@@ -131,7 +128,7 @@ def test_a_process_that_dies_costs_the_clip_that_it_was_at_work_on(processes):
 
 
 def test_processes_that_die_as_they_start_are_reported(monkeypatch):
-    monkeypatch.setattr(processes_module, "_work", die)
+    monkeypatch.setattr(workers_module, "_work", die)
     with closing(Processes(2)) as processes, pytest.raises(BatchError, match="the workers die as they start"):
         processes.submit(job_of(""))
 
@@ -173,8 +170,8 @@ class Busy(Idle):
 def cluster(monkeypatch):
     """The class of the cluster, which needs Dask, with one that answers as a scheduler."""
     pytest.importorskip("distributed", reason="the extra `dask` is not installed")
-    monkeypatch.setattr(cluster_module, "_kind", answer("Scheduler"))
-    return cluster_module.Cluster
+    monkeypatch.setattr(workers_module, "_kind", answer("Scheduler"))
+    return workers_module.Cluster
 
 
 def is_refused(cluster, reason):
@@ -194,7 +191,7 @@ def answer(kind):
 def test_a_cluster_without_workers(cluster, monkeypatch):
     monkeypatch.setattr("distributed.Client", Idle)
     is_refused(cluster, f"the Dask scheduler at {ADDRESS} has no workers")
-    monkeypatch.setattr(cluster_module, "_kind", answer("Worker"))
+    monkeypatch.setattr(workers_module, "_kind", answer("Worker"))
     is_refused(cluster, f"{ADDRESS!r} is the address of a Dask worker; expected that of the scheduler")
 
 
@@ -202,11 +199,11 @@ def test_workers_that_are_gone_are_reported_now_and_then(cluster, monkeypatch):
     monkeypatch.setattr("distributed.Client", Busy)
     reasons = []
     gone = cluster(ADDRESS, reasons.append)
-    monkeypatch.setattr(cluster_module, "CHECK_INTERVAL", 0.0)
+    monkeypatch.setattr(workers_module, "CHECK_INTERVAL", 0.0)
     assert [*gone.finished(), *gone.finished()] == []
     assert reasons == ["the Dask cluster has no workers"]
 
 
 def test_an_installation_without_dask(monkeypatch):
     monkeypatch.setitem(sys.modules, "distributed", None)
-    is_refused(cluster_module.Cluster, "--dask needs the package distributed")
+    is_refused(workers_module.Cluster, "--dask needs the package distributed")

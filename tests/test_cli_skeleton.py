@@ -11,8 +11,8 @@ from built_rigs import along_bones, with_axes
 from program import refused, run, succeeded
 
 from distretarget import Body, read_bvh, write_bvh
+from distretarget.io.reading import load_target
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import load_target
 from distretarget.scene.scene_file import load_scene
 
 pytestmark = pytest.mark.usefixtures("folder")

@@ -17,7 +17,7 @@ from distretarget.body.conventions import convention_of, vocabulary
 from distretarget.body.recognition import by_names
 from distretarget.io.bvh import parse_bvh
 from distretarget.io.input_file import InputFile
-from distretarget.io.target_file import load_target, parse_target
+from distretarget.io.reading import load_target, parse_target
 
 
 def test_names_of_new_bones_of_blender_may_stand_before_some_names():

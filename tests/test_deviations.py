@@ -10,8 +10,7 @@ from bodies import LEG, PERSON, UP, body_of, clapping, matched, posed, with_bone
 from scipy.spatial.transform import Rotation
 from skeleton_edits import in_axes
 
-from distretarget.measure.comparison import Reference
-from distretarget.measure.deviations import AROUND, find_arm_deviation, find_pops, find_shaking, find_turned
+from distretarget.measure.comparison import AROUND, Reference, find_arm_deviation, find_pops, find_shaking, find_turned
 from distretarget.measure.metrics import BY_KEY, Track
 
 FRAMES = 120

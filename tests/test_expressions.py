@@ -7,8 +7,8 @@ from characters import as_vrm0, as_vrm1, as_vrma, character
 from program import succeeded
 from test_characters import BONES, WALK
 
-from distretarget.io.expressions import face_of
 from distretarget.io.gltf import parse_gltf
+from distretarget.io.gltf_scene import face_of
 
 NEAR = 1e-4  # frames are a little off the keys, as files state times in single precision
 TIMES = WALK.times

@@ -15,7 +15,7 @@ from distretarget.errors import FileError, MissingPackageError
 from distretarget.io import fbx as reader
 from distretarget.io.fbx import parse_fbx
 from distretarget.io.input_file import InputFile
-from distretarget.io.target_file import parse_target
+from distretarget.io.reading import parse_target
 
 pytest.importorskip("ufbx", reason="the package ufbx reads FBX")
 

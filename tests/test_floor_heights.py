@@ -12,7 +12,7 @@ from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.resting import REST_HEIGHT
 from distretarget.objectives.floor import STIFFNESS, Flesh, find_flesh, find_floor_springs, rise_of_flesh
 from distretarget.objectives.foot_lock import find_foot_lock
-from distretarget.pipeline.performer import Transfer, match_performer
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
 from distretarget.skin.capsules import SEGMENTS
 
 CRAWL = read_bvh(SAMPLES / "supports" / "crawl.bvh")
@@ -22,7 +22,8 @@ UPWARDS = np.array([0.0, 1.0, 0.0])
 
 def floor_of(source, target):
     """The clip, and the floor while something rests in all frames."""
-    clip = match_performer(Transfer(source, load_target(SAMPLES / target))).performer(RootScale.even(1.0)).clip
+    match = match_performer(Transfer(source, load_target(SAMPLES / target)))
+    clip = Performer.of(match, RootScale.even(1.0)).clip
     return clip, find_floor_springs(clip, np.ones((len(source), 1)))
 
 
@@ -30,7 +31,7 @@ def on_floor_of(source, target):
     """The clip on a target of legs of any length, and what both rest on."""
     match = match_performer(Transfer(source, load_target(target)))
     own, leg = match.matching.leg_lengths
-    return match.performer(RootScale.even(leg / own)).clip, match.undersides
+    return Performer.of(match, RootScale.even(leg / own)).clip, match.undersides
 
 
 def lifted(frames):

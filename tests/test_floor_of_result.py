@@ -9,8 +9,8 @@ from capsule_bodies import capsule_surface, mesh_of
 
 from distretarget import load_target, read_bvh, retarget
 from distretarget.measure.comparison import Reference
+from distretarget.measure.skin import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.measure.supports import NEAR, find_feet, height_errors
-from distretarget.measure.surface import find_surface, surface_of_capsules, surface_of_mesh
 from distretarget.skin.capsules import Capsules
 
 

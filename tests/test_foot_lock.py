@@ -16,7 +16,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.foot_lock import feet_within_reach, find_foot_lock, hips_rise
 from distretarget.objectives.supports import no_supports
-from distretarget.pipeline.performer import Transfer, match_performer
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
 
 
 def pitched_feet(sine):
@@ -476,7 +476,7 @@ def test_strides_beyond_the_reach_of_the_legs_lower_the_hips_no_more_than_they_m
     source, target = read_bvh(SAMPLES / "walk.bvh"), load_target(SAMPLES / "rigs" / "mixamo_a.json").skeleton
     match_of_both = match_performer(Transfer(source, target))
     height = find_root_scale(match_of_both.matching)
-    performer = match_of_both.performer(RootScale(longer * height, height))
+    performer = Performer.of(match_of_both, RootScale(longer * height, height))
     performer = performer.with_supports(Options(), ContactSettings())
     clip, feet = performer.clip, performer.supports
     result = performer.posed(solve_contact(clip, feet, performer.settings)).positions

@@ -15,7 +15,7 @@ from distretarget.io import gltf as reading
 from distretarget.io.gltf import parse_gltf
 from distretarget.io.gltf_scene import _influences, _triangles, decomposed, gltf_scene
 from distretarget.io.input_file import InputFile
-from distretarget.io.target_file import CharacterMesh, parse_target
+from distretarget.io.reading import CharacterMesh, parse_target
 
 
 def parsed(making):

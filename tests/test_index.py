@@ -19,8 +19,9 @@ from pages import (
 )
 
 import distretarget.report
+from distretarget.batch.pages import FIELDS, METRIC_COLUMNS, index_page
 from distretarget.measure.metrics import COLUMNS
-from distretarget.report.page import FIELDS, METRIC_COLUMNS, VERSION, index_page
+from distretarget.report.page import VERSION
 from distretarget.report.stage import shown_actor, stage_of
 from distretarget.target import Target
 

@@ -12,7 +12,7 @@ from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 from distretarget import DistretargetError, read_bvh
 from distretarget.body.body import Body
 from distretarget.body.limbs import _longest_pair, are_alike, find_legs, foot_bone, leg_length, tree_legs
-from distretarget.io.target_file import load_target
+from distretarget.io.reading import load_target
 
 RIGS = sorted((SAMPLES / "rigs").glob("*.json"))
 FIVE_TOES = (

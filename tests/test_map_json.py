@@ -11,7 +11,7 @@ from skeleton_files import MANUAL
 from distretarget import read_bvh, retarget
 from distretarget.errors import MatchingError, SkeletonFileError
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.target_file import load_target
+from distretarget.io.reading import load_target
 from distretarget.matching.matching import find_matching
 from distretarget.target import Target
 

@@ -10,7 +10,7 @@ from named_bodies import tree
 
 from distretarget.body.body import Body
 from distretarget.errors import MapError, MatchingError
-from distretarget.io.target_file import load_target
+from distretarget.io.reading import load_target
 from distretarget.matching.matching import find_matching, match, refusal
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.pipeline.retargeting import with_advice

@@ -14,7 +14,7 @@ from distretarget import read_bvh, retarget
 from distretarget.baseline.world import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.recognition import by_names
-from distretarget.io.target_file import load_target
+from distretarget.io.reading import load_target
 from distretarget.numerics.kinematics import make_local
 from distretarget.numerics.quaternions import least_rotation
 

@@ -30,7 +30,7 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS as DEFAULT
 from distretarget.objectives.activation import ContactSettings
 from distretarget.objectives.contact import solve_contact
 from distretarget.objectives.supports import no_supports
-from distretarget.pipeline.performer import Transfer, match_performer
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
 from distretarget.scene.contacts import (
     TRUNK_COMPLIANCE,
     ContactPoints,
@@ -108,9 +108,8 @@ def performers():
     """Both performers, before they are solved."""
     scales = [RootScale(duet().world_scale, result.root_scale) for result in duet().results]
     matches = [match_performer(Transfer(*both)) for both in zip(pair(), bodies(), strict=True)]
-    return [
-        each.performer(scale).with_supports(Options(), DEFAULT) for each, scale in zip(matches, scales, strict=True)
-    ]
+    both = zip(matches, scales, strict=True)
+    return [Performer.of(match, scale).with_supports(Options(), DEFAULT) for match, scale in both]
 
 
 def hips_of(result):
@@ -228,11 +227,8 @@ def test_on_a_ladder_hands_that_another_performer_touches_give_way_and_feet_do_n
 @pytest.mark.parametrize(("height", "yields"), [(0.15, False), (0.25, True)])
 def test_hands_give_way_from_a_fifth_of_a_leg_above_the_floor_on(height, yields):
     """Below that they rest on the floor, with the flesh of the hand or a shoe between."""
-    one = (
-        match_performer(Transfer(leaning(), bodies()[0]))
-        .performer(RootScale.even(0.6))
-        .with_supports(Options(), DEFAULT)
-    )
+    match = match_performer(Transfer(leaning(), bodies()[0]))
+    one = Performer.of(match, RootScale.even(0.6)).with_supports(Options(), DEFAULT)
     places = np.array(one.supports.places)
     floor = one.clip.scale.height * one.clip.source_floor[:, None]
     places[..., 1] = floor + height * one.clip.leg_lengths[1]

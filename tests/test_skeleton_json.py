@@ -14,8 +14,8 @@ from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, assert_same, full, loa
 from table_one import table_one
 
 from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
+from distretarget.io.reading import load_target, parse_full_target
 from distretarget.io.skeleton_json import matching_joints, skeleton_to_json
-from distretarget.io.target_file import load_target, parse_full_target
 from distretarget.skeleton import ALL_CHANNELS, DEFAULT_ROOT, DEFAULT_ROTATIONS, SMALLEST, Skeleton
 from distretarget.target import SkeletonEdit
 

@@ -321,6 +321,11 @@ def test_a_touch_holds_while_its_gap_is_as_far_off_as_a_touch_may_be():
 # ---- in a run
 
 
+def without(run, what):
+    """A run that is measured without its mesh, or without skins."""
+    return replace(run, baseline=replace(run.baseline, match=replace(run.baseline.match, **{what: None})))
+
+
 def test_a_run_onto_a_character_has_the_metrics_of_skin():
     target = sample_target("hero")
     run = retarget(sample("hands_on_hips")[60:200], target)
@@ -330,10 +335,8 @@ def test_a_run_onto_a_character_has_the_metrics_of_skin():
     assert result["skin_depth"] < 1.5
     assert result["skin_gap"] < 2
     assert "stays outside" in run.verdict or "sinks up to" in run.verdict
-    assert (
-        replace(run, baseline=replace(run.baseline, mesh=None)).metrics["result"]["skin_depth"] < 1.5
-    )  # by the capsules
-    assert replace(run, baseline=replace(run.baseline, skins=None)).metrics["result"]["skin_depth"] is None
+    assert without(run, "mesh").metrics["result"]["skin_depth"] < 1.5  # by the capsules
+    assert without(run, "skins").metrics["result"]["skin_depth"] is None
 
 
 # ---- against winding numbers

@@ -29,8 +29,7 @@ from distretarget.cli import cli
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.input_file import load_file
 from distretarget.io.map_json import rest_pose_in
-from distretarget.io.motion_file import parse_motion, read_motion
-from distretarget.io.target_file import animations_in, load_target
+from distretarget.io.reading import animations_in, load_target, parse_motion, read_motion
 from distretarget.report.actors import without_known
 from distretarget.studio.order import Order
 from distretarget.studio.server import SAMPLES as OFFERED

@@ -14,8 +14,8 @@ from distretarget.body.body import Body
 from distretarget.body.build import BUILDS, Build, average_build, capsules_of, radii_of
 from distretarget.body.segments import find_segments
 from distretarget.errors import SkeletonFileError
+from distretarget.io.reading import parse_target
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import parse_target
 from distretarget.skin.capsules import SEGMENTS
 from distretarget.skin.fit import Part, distances, fit_capsules
 from distretarget.skin.mesh import SkinnedMesh

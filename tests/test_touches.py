@@ -18,7 +18,7 @@ from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.contact_zones import ContactZones
 from distretarget.objectives.skin import how_touching
 from distretarget.objectives.sliding import BRUSHES, PARTS_OF, SLIDES, stillness
-from distretarget.pipeline.performer import Transfer, match_performer
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
 from distretarget.skin.capsules import GROUP, SEGMENTS
 
 GAP = BY_KEY["skin_gap"]
@@ -187,7 +187,7 @@ def test_hanging_hands_are_in_front_on_purpose_for_longer_than_they_swing(second
 
 def test_joints_of_parts_whose_skins_can_touch_make_no_contact():
     match = match_performer(Transfer(sample("hands_on_hips"), sample_target("hero")))
-    clip, skin = match.performer(RootScale.even(1.0)).clip, match.skins.target
+    clip, skin = Performer.of(match, RootScale.even(1.0)).clip, match.skins.target
     segments = {frozenset(SEGMENTS[n] for n in pair) for pair in skin.balls.pairs.tolist()}
     pairs = ContactSearch.of(clip, ContactSettings()).pairs
     left = {frozenset(SEGMENTS[skin.of_joint[joint]] for joint in pair) for pair in zip(pairs.a, pairs.b, strict=True)}

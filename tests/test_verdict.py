@@ -253,7 +253,7 @@ def test_a_solver_that_stopped_says_after_how_many_steps():
 
 PACKAGE = ROOT / "distretarget"
 REGISTRY = PACKAGE / "measure" / "metrics.py"
-EXAMPLE = PACKAGE / "batch" / "record.py"  # with a verdict as an example of what is compressed
+EXAMPLE = PACKAGE / "batch" / "results.py"  # with a verdict as an example of what is compressed
 SOURCES = [
     path for kind in ("py", "js", "html") for path in PACKAGE.rglob(f"*.{kind}") if path not in (REGISTRY, EXAMPLE)
 ]

@@ -24,11 +24,11 @@ GAP = "…"  # stands for the variable parts of a message
 RAISING = {"refuse": 1, "error": 0, "fail": 0, "expected": 0}  # methods that raise, and the index of their text
 PREFIXES = {"refuse": f"found {GAP}, expected ", "expected": "expected "}  # that these methods put before the text
 HEADINGS = {  # of sections, with the beginnings of the paths of files whose messages they have
-    "Reading and writing files": "io/files.py io/input_file.py io/motion cli/outputs.py",
+    "Reading and writing files": "io/files.py io/input_file.py io/reading.py io/motion cli/outputs.py",
     "BVH files": "io/bvh",
     "Arrays": "io/arrays.py io/smpl.py",
     "Characters: glTF, VRM, FBX": "character/ io/gltf io/vrma.py io/fbx",
-    "Skeleton files and maps": "io/json io/target io/skeleton io/map io/obj.py target.py matching/pairing.py",
+    "Skeleton files and maps": "io/json io/skeleton io/map io/obj.py target.py matching/pairing.py",
     "User constraints": "contact_entries.py io/contacts objectives/constraint objectives/paper",
     "Skeletons and motions": "skeleton.py motion.py io/interop.py",
     "Retargeting": "body/ pipeline/ matching/ baseline/ measure/ objectives/",

@@ -1,6 +1,4 @@
-"""Find faults in the clips of a folder, in each alone and in comparison with others of its rig; and make a page on
-them, with the worst frames.
-"""
+"""Find faults in the clips of a folder, in each alone and against others of its rig; a page shows the worst frames."""
 
 from __future__ import annotations
 
@@ -13,14 +11,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from distretarget.batch.pages import folder_of
 from distretarget.batch.plan import animations_of
 from distretarget.body.body import Body
 from distretarget.errors import DistretargetError, counted
 from distretarget.io.input_file import load_file
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.reading import parse_motion
 from distretarget.measure.clip_faults import KINDS, Finding, Findings, find_faults
 from distretarget.motion import Motion
-from distretarget.report.page import folder_of, html_page
+from distretarget.report.page import html_page
 from distretarget.stick_figures import stick_figures
 
 LEAST_CLIPS = 3  # clips of a rig that are needed to compare each with most of them

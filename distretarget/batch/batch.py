@@ -1,6 +1,4 @@
-"""Run a batch: retarget the clips that are not done, record the outcome of each, and make pages on them. Scripts call
-`convert_folder`.
-"""
+"""Run a batch: retarget the clips that are not done, record the outcome of each, and make pages on them."""
 
 from __future__ import annotations
 
@@ -14,13 +12,11 @@ from functools import cached_property
 from pathlib import Path, PurePath
 from types import NoneType
 
-from distretarget.batch.job import TIME_LIMITS, Job, Output, Result
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import PlannedClip, find_clips, plan
-from distretarget.batch.record import BatchRecord, new_record
-from distretarget.batch.results import Results
+from distretarget.batch.results import BatchRecord, Results, new_record
 from distretarget.batch.summary import Tally, spread_warnings
-from distretarget.batch.workers import Processes, Workers, convert_all
+from distretarget.batch.workers import TIME_LIMITS, Job, Output, Processes, Result, Workers, convert_all
 from distretarget.character.nodes import Animation
 from distretarget.checks import check_choice, check_kind, check_number, check_path
 from distretarget.contact_entries import NO_CONTACTS
@@ -28,14 +24,13 @@ from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.contacts_file import SUFFIX as CONTACTS_SUFFIX
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import hash_of_file, read_bytes
-from distretarget.io.formats import ARRAYS, OUTPUT_FORMATS
 from distretarget.io.gltf_writer import Parts
-from distretarget.io.input_file import InputFile, load_file, with_files_beside
+from distretarget.io.input_file import ARRAYS, OUTPUT_FORMATS, InputFile, load_file, with_files_beside
 from distretarget.io.motion_writer import with_animations
-from distretarget.io.target_file import CharacterTarget, TargetFile
+from distretarget.io.reading import CharacterTarget, TargetFile
 from distretarget.numerics.parallel import cores
-from distretarget.pipeline.conversion import DEFAULT_RECIPE, Recipe
 from distretarget.pipeline.performer import target_capsules
+from distretarget.pipeline.retargeting import DEFAULT_RECIPE, Recipe
 from distretarget.report.diff_document import About
 
 SPLIT_SIZE = 1 << 20  # clips larger than this get several threads if one worker would finish them last [bytes]

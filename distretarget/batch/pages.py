@@ -3,24 +3,28 @@
 from __future__ import annotations
 
 import io
+import math
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+import os.path
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path, PurePath
+from types import MappingProxyType
 from typing import Any
+from urllib.parse import quote
 
 from distretarget.batch.plan import METRICS, PlannedClip, check_page
-from distretarget.batch.record import BatchRecord
-from distretarget.batch.results import Results
+from distretarget.batch.results import BatchRecord, Results
 from distretarget.errors import DistretargetError, FileError, MissingPackageError
 from distretarget.io.files import Content, check_inside, check_writable, is_folder, make_folder, write_whole
 from distretarget.io.input_file import load_file
-from distretarget.measure.metrics import COLUMNS
+from distretarget.measure.metrics import COLUMNS, as_data
 from distretarget.measure.metrics import METRICS as OF_CLIPS
 from distretarget.report.diff_document import About, csv_lines
-from distretarget.report.page import VERSION, index_page
+from distretarget.report.page import VERSION, html_page
 from distretarget.report.stage import small_stage
 
 TABLES = (".csv", ".parquet")
@@ -35,6 +39,9 @@ MARK = '<meta name="generator" content="distretarget">'
 OUTPUT_MARK = '<meta name="output" content="{}">'  # with the hash of the output that a report is about
 PLAYED = 24  # clips in the player of the page about all clips
 HEAD = 4096  # the first characters of a page, in which MARK and OUTPUT_MARK are looked for
+ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
+METRIC_COLUMNS = tuple(name for name, (_, one) in COLUMNS.items() if "page over clips" in one.places)
+FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
 
 
 def check_table(path: Path) -> None:
@@ -186,3 +193,72 @@ def _tail(path: Path) -> bytes:
         file.seek(max(path.stat().st_size - PARQUET_TAIL, 0))
         return file.read()
     return b""
+
+
+def index_page(
+    records: Sequence[BatchRecord],
+    links: Mapping[str, str],
+    title: str,
+    stages: Mapping[str, object] = MappingProxyType({}),
+) -> str:
+    """The HTML of the page over clips, from their records; `links` to reports, and player data, are by output."""
+    table = _index_data(records, links, [*stages])
+    data = {"batch": {**table, "version": VERSION}, "registry": as_data("the source", "the result")}
+    return html_page("index", title, data | {f"stage-{k}": stage for k, stage in enumerate(stages.values())})
+
+
+def _index_data(records: Sequence[BatchRecord], links: Mapping[str, str], played: Sequence[str]) -> dict[str, object]:
+    """The records in few bytes: folders, targets and warnings once, and for each clip a row of `FIELDS`."""
+    targets = list(dict.fromkeys(record["target"] for record in records))
+    folder, target_folder = folder_of(record["input"] for record in records), folder_of(targets)
+    warnings = list(dict.fromkeys(text for record in records for text in record["warnings"]))
+    target_at, warning_at = ({text: k for k, text in enumerate(texts)} for texts in (targets, warnings))
+    rows = [
+        [
+            record["input"][len(folder) :],
+            _url(links.get(record["output"])),
+            played.index(record["output"]) if record["output"] in played else None,
+            target_at[record["target"]],
+            *((1, record["frames"], _number(record["seconds"])) if record["status"] == "done" else (0, None, None)),
+            [warning_at[text] for text in record["warnings"]],
+            _reason(record),
+            *(_number(record["metrics"].get(name)) for name in METRIC_COLUMNS),
+        ]
+        for record in records
+    ]
+    names = [target[len(target_folder) :] for target in targets]
+    shown = ABSOLUTE.sub(r"\1", folder)
+    return {"folder": shown, "targets": names, "warnings": warnings, "fields": FIELDS, "rows": rows}
+
+
+def _number(value: object) -> float | None:
+    """A number with six digits, unless it is whole; None for anything else."""
+    if isinstance(value, int):
+        return value
+    return float(f"{value:.6g}") if isinstance(value, float) and math.isfinite(value) else None
+
+
+def folder_of(paths: Iterable[str]) -> str:
+    """Return the common prefix of all paths, up to and including its last slash or backslash."""
+    common = os.path.commonprefix(list(paths))  # noqa: RUF071 (by letters, as paths may be of any system)
+    return common[: max(common.rfind("/"), common.rfind("\\")) + 1]
+
+
+def _reason(record: BatchRecord) -> str | None:
+    """Why a clip failed, without the names of clip and target, which the page shows anyway."""
+    if record["status"] == "done":
+        return None
+    error = str(record["error"] or "no reason given")
+    if error.startswith(f"{record['input']}:"):
+        error = re.sub(r"^:(\d+): ", r": line \1: ", error.removeprefix(record["input"])).removeprefix(": ")
+    return error.removeprefix(f"{record['target']}: ")
+
+
+def _url(path: str | None) -> str | None:
+    """The relative URL of a path, from the bytes of its name in the file system."""
+    if path is None:
+        return None
+    try:
+        return quote(path, errors="surrogateescape")
+    except UnicodeEncodeError:  # half characters that stand for no byte, as in names on Windows
+        return quote(path, errors="surrogatepass")

@@ -12,11 +12,10 @@ from pathlib import Path, PurePath
 
 from distretarget.errors import BatchError, DistretargetError, FileError
 from distretarget.io.files import is_folder, read_bytes, reason_of, safe_file_name
-from distretarget.io.formats import ARRAYS, MOTION_SUFFIXES, format_of_name
 from distretarget.io.gltf_writer import free_name
-from distretarget.io.input_file import InputFile
+from distretarget.io.input_file import ARRAYS, MOTION_SUFFIXES, InputFile, format_of_name
 from distretarget.io.motion_writer import suffix_of
-from distretarget.io.target_file import TargetFile, animations_in
+from distretarget.io.reading import TargetFile, animations_in
 from distretarget.scene.scene_file import SCENE_NAME
 
 DATABASE, METRICS = "results.sqlite", "metrics.csv"  # in the folder of results

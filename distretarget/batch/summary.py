@@ -18,7 +18,7 @@ from pathlib import PurePath
 import numpy as np
 
 from distretarget.baseline.rotation_copy import rest_alignment
-from distretarget.batch.record import BatchRecord
+from distretarget.batch.results import BatchRecord
 from distretarget.body.anatomy import ARM, LEG, SIDES
 from distretarget.errors import counted
 from distretarget.matching.matching import Matching

@@ -61,10 +61,8 @@ class LazyCommand(click.Command):
         gc.freeze()
         return command
 
-    def make_context(
-        self, info_name: str | None, args: list[str], parent: click.Context | None = None, **extra: Any
-    ) -> click.Context:
-        return self.command.make_context(info_name, args, parent, **extra)
+    def make_context(self, *arguments: Any, **extra: Any) -> click.Context:
+        return self.command.make_context(*arguments, **extra)
 
 
 def _say_version(context: click.Context, _: click.Parameter, given: bool) -> None:

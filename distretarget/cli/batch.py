@@ -15,13 +15,11 @@ import click
 from tqdm import tqdm
 
 from distretarget.batch.batch import Batch
-from distretarget.batch.job import TIME_LIMITS
 from distretarget.batch.pages import Pages
 from distretarget.batch.plan import find_clips, plan
-from distretarget.batch.record import BatchRecord
-from distretarget.batch.results import Results, clips_folder, write_merged
+from distretarget.batch.results import BatchRecord, Results, clips_folder, write_merged
 from distretarget.batch.summary import Tally
-from distretarget.batch.workers import Cluster, Processes, Workers
+from distretarget.batch.workers import TIME_LIMITS, Cluster, Processes, Workers
 from distretarget.cli.options import (
     PATH,
     RecipeFiles,
@@ -35,10 +33,9 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import STANDARD, about, check_outputs, complain, is_quiet, say
 from distretarget.errors import BatchError, DistretargetError, FileError, counted
 from distretarget.io.files import hash_of, is_folder, read_bytes
-from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS
-from distretarget.io.input_file import load_file
+from distretarget.io.input_file import OUTPUT_FORMATS, OUTPUTS, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, output_kind
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile
 from distretarget.measure.metrics import METRICS
 from distretarget.numerics.parallel import cores
 
@@ -177,14 +174,15 @@ def batch_command(
         results, kinds = _for_merge(folder, files, overwrite, dry_run), ("bvh",)
     elif npz:
         kinds = (*(kinds or ("own",)), "npz")
+    recipe = recipe_files.read()
     try:
-        clips = plan(found, files, results, sources, kinds or (), recipe_files.clip)
+        clips = plan(found, files, results, sources, kinds or (), recipe.clip)
     except BatchError as error:
         raise click.UsageError(str(error)) from error
     batch = Batch(
         clips,
         Pages(Results(results, overwrite and not merge, read_only=dry_run), about, index, reports, table),
-        (replace(recipe_files, writing=DEFAULT_OUTPUT) if merge else recipe_files).read(),
+        replace(recipe, writing=DEFAULT_OUTPUT) if merge else recipe,
         contacts_path,
         load_file(recipe_files.skeleton_path) if recipe_files.skeleton_path else None,
         time_limit,
@@ -196,7 +194,7 @@ def batch_command(
         return
     tally, status = _converted(batch, dask, jobs)
     if merge and not status:
-        count = write_merged(folder, files[0], batch.clips, recipe_files.writing, overwrite)
+        count = write_merged(folder, files[0], batch.clips, recipe.writing, overwrite)
         say(f"{folder}: {counted(count, 'animation')}")
     sys.exit(status or int(bool(tally.failed or unread or batch.pages.problems)))
 
@@ -239,18 +237,8 @@ def _converted(batch: Batch, dask: str | None, jobs: int | None) -> tuple[Tally,
         workers: Workers = Processes(jobs or cores())
     else:
         workers = Cluster(dask, lambda reason: say(f"waiting: {reason}", err=True))
-    stopped, status = _convert(batch, workers, tally)
-    say(*tally.lines)
-    complain(*(tally.failures if is_quiet() else ()))
-    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
-    if stopped:
-        complain(f"distretarget: {stopped}")
-    return tally, status
-
-
-def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
-    """Retarget the clips; return why the batch stopped and the exit status; "" and 0 if it did not."""
     silent = is_quiet() or None  # None: bars on a terminal only
+    stopped, status = "", 0
     with (
         closing(workers),
         tqdm(total=tally.clips, unit=" clips", disable=silent, leave=False) as clips,
@@ -266,10 +254,15 @@ def _convert(batch: Batch, workers: Workers, tally: Tally) -> tuple[str, int]:
             batch.convert(workers, tally, show)
         except KeyboardInterrupt:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # do not interrupt the summary
-            return "interrupted; run this again to go on", INTERRUPTED
+            stopped, status = "interrupted; run this again to go on", INTERRUPTED
         except (BatchError, FileError) as error:
-            return str(error), 1
-    return "", 0
+            stopped, status = str(error), 1
+    say(*tally.lines)
+    complain(*(tally.failures if is_quiet() else ()))
+    complain(*(f"no report: {problem}" for problem in batch.pages.problems.values()))
+    if stopped:
+        complain(f"distretarget: {stopped}")
+    return tally, status
 
 
 def _print_plan(batch: Batch) -> None:

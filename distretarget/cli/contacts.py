@@ -11,8 +11,7 @@ from distretarget.cli.outputs import check_outputs, read_input, read_source, say
 from distretarget.errors import in_file
 from distretarget.io.contacts_file import contacts_to_json
 from distretarget.io.map_json import joint_map, load_map
-from distretarget.io.motion_file import parse_motion
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile, parse_motion
 from distretarget.pipeline.found_contacts import find_contacts
 
 

@@ -22,11 +22,9 @@ from distretarget.cli.options import (
 from distretarget.cli.outputs import LISTED, about, check_outputs, read_input, say, table_lines, write_outputs
 from distretarget.errors import FileError, counted, in_file, quoted
 from distretarget.io.files import is_folder, reason_of
-from distretarget.io.formats import MOTION_SUFFIXES
-from distretarget.io.input_file import InputFile
+from distretarget.io.input_file import MOTION_SUFFIXES
 from distretarget.io.map_json import joint_map, load_map
-from distretarget.io.motion_file import parse_motion, read_motion
-from distretarget.io.target_file import animations_in
+from distretarget.io.reading import animations_in, parse_motion, read_motion
 from distretarget.measure.diff import Diff, diff, diff_scenes
 from distretarget.measure.metrics import BY_KEY, METRICS, Metric, metrics_at
 from distretarget.measure.verdict import limit_warnings
@@ -150,18 +148,13 @@ def _clip_outputs(
     a: Path, b: Path, clip: str | None, map_path: Path | None, limits: tuple[tuple[str, float], ...], verbose: bool
 ) -> DiffOutputs:
     a_file, b_file = read_input(a), read_input(b)
-    first, second = (_motion(file, clip) for file in (a_file, b_file))
+    clips = (clip if clip and len(animations_in(file)) > 1 else None for file in (a_file, b_file))
+    first, second = (parse_motion(file, each)[0] for file, each in zip((a_file, b_file), clips, strict=True))
     result = measure(first, second, a_file.path, b_file.path, map_path)
     metrics = document(result, replace(about(Path(a_file.path), Path(b_file.path)), limits=limits))
     lines = [*_lines(metrics, [] if verbose else [*verdict_lines(result)], verbose)]
     excess = _joined(b_file.path, over(metrics["limits"]))
     return DiffOutputs(metrics, lambda: diff_page(result, metrics), lambda: csv_text(metrics["frames"]), lines, excess)
-
-
-def _motion(file: InputFile, clip: str | None) -> Motion:
-    """The motion in a file; `clip` applies only to a file with several animations."""
-    several = clip and len(animations_in(file)) > 1
-    return parse_motion(file, clip if several else None)[0]
 
 
 def _lines(metrics: Values, verdict: Sequence[str], verbose: bool) -> Iterator[str]:

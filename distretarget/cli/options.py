@@ -6,7 +6,7 @@ import contextlib
 import functools
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -17,16 +17,16 @@ from distretarget.body.build import BUILDS, Builds
 from distretarget.cli.outputs import QUIET, STANDARD
 from distretarget.errors import SettingsError
 from distretarget.io.arrays import Precision
-from distretarget.io.formats import OUTPUT_FORMATS
 from distretarget.io.gltf_writer import Mode
+from distretarget.io.input_file import OUTPUT_FORMATS
 from distretarget.io.map_json import load_map
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, OutputSettings
-from distretarget.io.target_file import load_build
+from distretarget.io.reading import load_build
 from distretarget.motion import FASTEST, SLOWEST
 from distretarget.numerics.rotations import RotationKind
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import MOST_TURN, SPEEDS, Edits
 from distretarget.pipeline.options import CHOICES, DEFAULT_OPTIONS, Options, SkinMode
+from distretarget.pipeline.retargeting import Recipe
 from distretarget.skeleton import LARGEST, SMALLEST
 
 Command = Callable[..., None]
@@ -282,29 +282,24 @@ scene_edit_options = functools.partial(_with, EDITING[1:])  # a scene has --star
 
 @dataclass(frozen=True)
 class RecipeFiles:
-    """A recipe as the command line gives it, with the paths of its files."""
+    """A recipe without map and builds, and the paths of their files."""
 
-    clip: str | None
-    fps: float | None
+    recipe: Recipe
     skeleton_path: Path | None
     map_path: Path | None
     rest_path: Path | None
     source_skin: Path | None
     skin: Path | None
-    options: Options
-    edits: Edits
-    writing: OutputSettings
 
     @property
     def paths(self) -> list[Path | None]:
-        """The paths of its files."""
+        """The paths of all files."""
         return [self.skeleton_path, self.map_path, self.rest_path, self.source_skin, self.skin]
 
     def read(self) -> Recipe:
-        """Read its files; errors as in `load_map` and `load_build`."""
+        """Return the whole recipe; errors as in `load_map` and `load_build`."""
         builds = Builds(*(load_build(path) if path else None for path in (self.source_skin, self.skin)))
-        map_file = load_map(self.map_path, self.rest_path)
-        return Recipe(self.options, map_file, self.clip, self.fps, self.writing, builds, self.edits)
+        return replace(self.recipe, map_file=load_map(self.map_path, self.rest_path), builds=builds)
 
 
 def conversion_options(*own: Decorator) -> Decorator:
@@ -322,13 +317,9 @@ def conversion_options(*own: Decorator) -> Decorator:
                 f"--supports {options.supports}: the paper's objective holds nothing in its place; use --objective "
                 "contact."
             )
-        paths = {
-            name: given.pop(name) for name in ("clip", "fps", "skeleton_path", "map_path", "rest_path", "source_skin")
-        }
-        recipe = RecipeFiles(
-            **paths, skin=skin if isinstance(skin, Path) else None, options=options, edits=edits, writing=writing
-        )
-        command(recipe_files=recipe, **given)
+        recipe = Recipe(options, clip=given.pop("clip"), fps=given.pop("fps"), writing=writing, edits=edits)
+        paths = {name: given.pop(name) for name in ("skeleton_path", "map_path", "rest_path", "source_skin")}
+        command(recipe_files=RecipeFiles(recipe, skin=skin if isinstance(skin, Path) else None, **paths), **given)
 
     def decorate(command: Command) -> Command:
         wrapped = functools.update_wrapper(functools.partial(with_recipe, command), command)

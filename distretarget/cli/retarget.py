@@ -40,15 +40,13 @@ from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
 from distretarget.io.files import Content, is_folder
-from distretarget.io.formats import OUTPUTS
-from distretarget.io.input_file import InputFile, load_file
+from distretarget.io.input_file import OUTPUTS, InputFile, load_file
 from distretarget.io.motion_writer import content_of, output_kind
-from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
+from distretarget.io.reading import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
 from distretarget.motion import Motion
-from distretarget.pipeline.conversion import Conversion, Recipe
 from distretarget.pipeline.result import RetargetResult
-from distretarget.pipeline.retargeting import argument
+from distretarget.pipeline.retargeting import Conversion, Recipe, argument
 from distretarget.report.clip_page import run_page
 from distretarget.report.diff_document import metrics_json, metrics_line, summary_line
 from distretarget.studio.order import Project, load_project

@@ -15,8 +15,7 @@ import click
 from click.core import ParameterSource
 
 from distretarget.batch.plan import PlannedClip
-from distretarget.batch.record import new_record
-from distretarget.batch.results import Results
+from distretarget.batch.results import Results, new_record
 from distretarget.cli.options import (
     ENVIRONMENT_OPTION,
     OVERWRITE_OPTION,
@@ -41,10 +40,9 @@ from distretarget.io.files import (
     read_bytes,
     write_whole,
 )
-from distretarget.io.formats import MOTION_SUFFIXES, OUTPUTS
-from distretarget.io.input_file import load_file
+from distretarget.io.input_file import MOTION_SUFFIXES, OUTPUTS, load_file
 from distretarget.io.motion_writer import DEFAULT_OUTPUT, as_written, content_of, suffix_of
-from distretarget.io.target_file import TargetFile
+from distretarget.io.reading import TargetFile
 from distretarget.pipeline.edits import Edits
 from distretarget.report.diff_document import summary_line
 from distretarget.report.scene_page import scene_page

@@ -27,9 +27,8 @@ from distretarget.cli.outputs import STANDARD, check_outputs, check_suffix, read
 from distretarget.errors import FileError, closest, counted, cut
 from distretarget.io.input_file import InputFile
 from distretarget.io.map_json import joint_map, load_map, map_to_json
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.reading import parse_full_target, parse_motion, parse_target
 from distretarget.io.skeleton_json import skeleton_to_json
-from distretarget.io.target_file import parse_full_target, parse_target
 from distretarget.matching.matching import Matching, find_matching, refusal
 from distretarget.matching.unmatched import parts_without_source
 from distretarget.pipeline.performer import target_capsules

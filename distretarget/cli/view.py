@@ -13,7 +13,7 @@ from distretarget.cli.options import OVERWRITE_OPTION, FileOrStandard, quiet
 from distretarget.cli.outputs import STANDARD, check_outputs, read_input, say, write_outputs
 from distretarget.errors import DistretargetError, FileError, counted
 from distretarget.io.files import is_folder
-from distretarget.io.formats import ARRAYS, FORMATS
+from distretarget.io.input_file import ARRAYS, FORMATS
 from distretarget.report.actors import Actor
 from distretarget.report.stage import MOST, actors_of, view_page
 

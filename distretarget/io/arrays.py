@@ -17,13 +17,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.errors import FileError, closest
-from distretarget.io.formats import NPY_MARK
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import LARGEST
 
 Arrays = Mapping[str, NDArray[Any] | float]
 Precision = Literal["float64", "float32"]
 
+NPY_MARK = b"\x93NUMPY"
 FIXED_TIME = (1980, 1, 1, 0, 0, 0)  # time stamp of all entries, the earliest that a zip file can hold
 NPY_NAME = ""  # the name given to the array in an npy file
 FREE_NUMBERS = 1_000_000  # allowed size of an array in a file of any size ...

@@ -176,9 +176,7 @@ def _scene(path: str | Path, read: Read) -> CharacterScene:
 
 
 def _parts(path: str | Path, read: Read, transforms: Array, numbers: NDArray[np.intp]) -> tuple[Array, Array, Array]:
-    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10); a
-    FileError if a number is not finite or too large, or a quaternion is zero.
-    """
+    """Translations from pivot to pivot, unit quaternions and scales of nodes, from `transforms`, (..., nodes, 10)."""
     pivots, unapplied = read["pivots"], read["unapplied"][numbers]
     parent_pivots = np.vstack([pivots, np.zeros(3)])[read["parents"][numbers]]
     translations, rotations, scales = np.split(transforms, [3, 7], axis=-1)

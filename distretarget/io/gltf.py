@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.files import is_inside, read_bytes
-from distretarget.io.formats import GLB_MARK
 from distretarget.io.json_node import Fields, Node, parse_json, without_garbage_collection
 from distretarget.numerics.vectors import Array, read_only
 
 Dtype = np.dtype[np.integer] | np.dtype[np.floating]
 
+GLB_MARK = b"glTF"
 JSON_CHUNK, BINARY_CHUNK = 0x4E4F534A, 0x004E4942  # the types of chunks in a GLB
 HEADER, CHUNK_HEADER = struct.Struct("<4sII"), struct.Struct("<II")
 COMPONENTS: dict[int, Dtype] = {  # by the componentType of accessors

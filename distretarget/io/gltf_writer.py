@@ -23,8 +23,7 @@ from distretarget.character.nodes import Animation, Nodes
 from distretarget.errors import FileError
 from distretarget.io.fbx import fbx_mesh
 from distretarget.io.files import check_inside, read_bytes
-from distretarget.io.formats import GLB_MARK
-from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, HEADER, JSON_CHUNK, Gltf
+from distretarget.io.gltf import BINARY_CHUNK, CHUNK_HEADER, COMPONENTS, DATA_URI, GLB_MARK, HEADER, JSON_CHUNK, Gltf
 from distretarget.io.gltf_scene import REST, gltf_nodes
 from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import (
@@ -147,8 +146,8 @@ def animated(
 def _animation_entries(
     gltf: Gltf, animations: Sequence[Animation], numbers: _BufferWriter, nodes: Nodes, mode: Mode
 ) -> Iterator[dict[str, object]]:
-    """Yield the entries of animations, and add their data to `numbers`; a taken name gets a number. Each gets a rest
-    key for channels that only others have: players leave these where the previous animation left them.
+    """Yield the entries of animations, whose data are added to `numbers`. A rest key for each channel that only others
+    have resets what the previous animation moved.
     """
     existing = gltf.entries("animations") if mode == "add" else []
     taken = {entry.entries().read("name", Node.text, "") for entry in existing} - {""}

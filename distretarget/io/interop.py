@@ -1,6 +1,4 @@
-"""Convert motions from and to containers of bvhio (https://github.com/Wasserwecken/bvhio), which holds a `Pose` per
-joint and frame: a position, from the position channels, else the OFFSET, and a rotation, both in float32.
-"""
+"""Convert motions from and to containers of bvhio: a position and a rotation per joint and frame, in float32."""
 
 from __future__ import annotations
 

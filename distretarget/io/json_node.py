@@ -271,11 +271,9 @@ def _number(digits: str) -> float:
 
 def added(text: str, start: int, entries: Sequence[str]) -> Edit:
     """Return the edit that adds entries, "key":value or values, at the end of the object or list at `start`."""
-    start, last = _past_blanks(text, start), None
-    for last in members(text, start):  # noqa: B007
-        pass
-    at = start + 1 if last is None else last.end
-    return at, at, ("," if last and entries else "") + ",".join(entries)
+    start = _past_blanks(text, start)
+    at = max((each.end for each in members(text, start)), default=start + 1)
+    return at, at, ("," if at > start + 1 and entries else "") + ",".join(entries)
 
 
 def edited(text: str, edits: Sequence[Edit]) -> str:

@@ -13,7 +13,7 @@ from distretarget.errors import FileError, MapError, MotionError, SkeletonFileEr
 from distretarget.io.files import read_text
 from distretarget.io.input_file import InputFile, load_file
 from distretarget.io.json_node import Node, on_lines, parse_json
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.reading import parse_motion
 from distretarget.matching.matching import Matching
 from distretarget.matching.pairing import pairs_of_map
 from distretarget.motion import Motion

@@ -20,14 +20,13 @@ from distretarget.errors import FileError, MotionError, SettingsError
 from distretarget.io.arrays import Arrays, Precision, npz
 from distretarget.io.bvh_writer import bvh_parts
 from distretarget.io.files import encoded_parts, read_bytes, write_whole
-from distretarget.io.formats import OUTPUT_FORMATS, OUTPUTS, OutputKind, format_of_name
 from distretarget.io.gltf import inside
 from distretarget.io.gltf_scene import gltf_nodes
 from distretarget.io.gltf_writer import Mode, Parts, animated
-from distretarget.io.input_file import InputFile, Source, load_file
+from distretarget.io.input_file import OUTPUT_FORMATS, OUTPUTS, InputFile, OutputKind, Source, format_of_name, load_file
 from distretarget.io.json_node import Node
+from distretarget.io.reading import CharacterTarget, TargetFile
 from distretarget.io.smpl import smpl_parameters
-from distretarget.io.target_file import CharacterTarget, TargetFile
 from distretarget.io.vrma import as_humanoid, vrma
 from distretarget.motion import Motion, single_precision
 from distretarget.numerics.rotations import RotationKind

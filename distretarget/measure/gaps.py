@@ -148,8 +148,9 @@ def measure_overlap(motions: Sequence[Motion], skins: Sequence[Skin]) -> Overlap
     """Measure the largest depth of hands, forearms, upper arms, legs and heads of two performers in each other."""
     deepest = Overlap(0.0, 0, ("", ""))
     for one, other in ((0, 1), (1, 0)):
+        bodies = [(motions[body], skins[body]) for body in (one, other)]
         for block in blocks_of(len(motions[0])):
-            depths = -_gaps(motions, skins, one, other, block, 0.0, len(PARTS))
+            depths = -_gaps(bodies, block, 0.0, len(PARTS))
             frame, part, segment = np.unravel_index(depths.argmax(), depths.shape)
             if (depth := float(depths[frame, part, segment])) > deepest.depth:
                 own, others = str(PARTS[part]), str(SEGMENTS[segment])
@@ -163,12 +164,14 @@ def measure_skin_contacts(
     """Measure the gaps of two performers' skins in source and result, with the same frames; None where none touch."""
     touches: list[SkinContact] = []
     for one, other in ((0, 1), (1, 0)):
+        before = [(sources[body], source_skins[body]) for body in (one, other)]
+        bodies = [(results[body], skins[body]) for body in (one, other)]
         for block in blocks_of(len(sources[0])):
-            gaps = _gaps(sources, source_skins, one, other, block, 2.0 * TOUCHING)  # larger ones are given as this
+            gaps = _gaps(before, block, 2.0 * TOUCHING)  # larger ones are given as this
             touching = gaps < TOUCHING
             if not touching.any():
                 continue
-            after = _gaps(results, skins, one, other, block, FARTHEST)
+            after = _gaps(bodies, block, FARTHEST)
             for frame, limb in zip(*np.nonzero(touching.any(axis=2)), strict=True):
                 part = int(gaps[frame, limb].argmin())
                 gap = gaps[frame, limb, part]
@@ -183,27 +186,17 @@ def measure_skin_contacts(
     return SkinContacts(tuple(touches), frames, float(np.mean(errors)), worst)
 
 
-def _gaps(
-    motions: Sequence[Motion],
-    skins: Sequence[Skin],
-    one: int,
-    other: int,
-    frames: slice,
-    farthest: float,
-    count: int = len(LIMBS),
-) -> Array:
-    """(frames, count, segments), gaps of the first `count` of `PARTS` to the other, at most `farthest` [% of mean
-    height].
-    """
-    solids = skins[other].solids.of_second_body(len(motions[one].skeleton))
-    height = (skins[0].height + skins[1].height) / 2.0
+def _gaps(bodies: Sequence[tuple[Motion, Skin]], frames: slice, farthest: float, count: int = len(LIMBS)) -> Array:
+    """(frames, count, segments), gaps of the first parts of one body to the other, at most `farthest` [% of height]."""
+    (motion, skin), (other, other_skin) = bodies
+    solids = other_skin.solids.of_second_body(len(motion.skeleton))
+    height = (skin.height + other_skin.height) / 2.0
     exists = np.isin(np.arange(len(SEGMENTS)), solids.groups[:-1, 1])
     reach = np.full((1, len(PARTS), len(SEGMENTS)), -np.inf)
     reach[:, :count, exists] = farthest / 100.0 * height
-    both = motions[one], motions[other]
     posed = (
-        np.concatenate([each.positions[frames] for each in both], axis=1),
-        np.concatenate([each.world_rotations_in(frames) for each in both], axis=1),
+        np.concatenate([each.positions[frames] for each in (motion, other)], axis=1),
+        np.concatenate([each.world_rotations_in(frames) for each in (motion, other)], axis=1),
     )
-    depths = find_depths(skins[one].patches, solids, posed, reach)[0][:, :count]
+    depths = find_depths(skin.patches, solids, posed, reach)[0][:, :count]
     return np.where(exists, -100.0 / height * depths, np.inf)

@@ -1,10 +1,11 @@
 """The skin of a body for measurements: coordinates on its parts; points on them, in patches with bounding balls, which
-leave out most pairs that are far apart; and the solids that the points may sink into.
+leave out most pairs that are far apart; the solids that the points may sink into; and a surface with lowest heights.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import product
 
@@ -15,20 +16,22 @@ from scipy.spatial.transform import Rotation
 from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
+from distretarget.body.soles import Sole
 from distretarget.measure.skin_depths import PARTS, Patches, find_depths
 from distretarget.measure.solid_depths import Solids
 from distretarget.measure.solids import solids_of_capsules, solids_of_mesh, strongest, welded
+from distretarget.motion import Motion
+from distretarget.numerics.parallel import in_blocks
 from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, farthest_points, lengths, level, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import SkinnedMesh, outermost
 
 # points of each part at most
 MOST = {"hand": 256, "forearm": 128, "upper arm": 48, "thigh": 48, "shin": 32, "foot": 32, "head": 64}
 PATCH = 8  # most points of a patch
 BLENDED = 1.2  # room in a bounding ball for points that other joints move as well [radii of a patch]
 GOLDEN_ANGLE = np.pi * (3.0 - np.sqrt(5.0))  # between neighbouring points of a spiral over a surface [rad]
-
 
 TRUNK = ("chest", "belly", "pelvis")  # one part: where one ends and the next begins differs between rigs
 THINNEST = 0.1  # least distance from the axis to divide by [lengths of the axis]
@@ -45,6 +48,8 @@ TOUCHED = tuple(BONES)
 PART_OF = np.array(
     [TOUCHED.index(part) if (part := "trunk" if name in TRUNK else name) in TOUCHED else -1 for name in SEGMENTS]
 )
+
+ALONE = 0.99  # a joint with at least this skin weight moves a vertex alone
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,3 +302,80 @@ def _folds(points: SkinPoints, body: Body) -> Flags:
             near = (places - rest[roles[side + top]]) @ bone < share * (bone @ bone)
             folds |= (points.parts == PARTS.index(f"{side} {part}")) & near
     return folds
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """A surface as balls on the joints of a skeleton; those of a mesh are its vertices and have no radius."""
+
+    centres: SkinnedMesh  # the centres of the balls as vertices, without triangles
+    radii: Array  # (balls,) [file units]
+    rest: Array  # (joints, 3), the positions of the joints in the rest pose [file units]
+    of_mesh: bool
+    rigid: Flags  # (balls,), whether each is on a rigid piece of a mesh that has others which bend
+
+    @property
+    def without_gear(self) -> Surface:
+        """The surface without the rigid pieces on joints that carry other skin as well: wings, a pack, a scabbard."""
+        of_skin = self.centres.carriers[~self.rigid]
+        on = np.flatnonzero(~(self.rigid & np.isin(self.centres.carriers, of_skin)))
+        some = _without_triangles(self.centres, on)
+        return replace(self, centres=some, radii=self.radii[on], rigid=self.rigid[on])
+
+    def on(self, joints: Iterable[int]) -> Numbers:
+        """The numbers of the balls that some joints carry."""
+        return np.flatnonzero(np.isin(self.centres.carriers, [*joints]))
+
+    def lowest(self, motion: Motion, joints: Iterable[int], up: Array) -> Array:
+        """(frames,), the height of the lowest point that joints carry, along `up`, (3,) [file units]; else infinite."""
+        on = self.on(joints)
+        some, radii = _without_triangles(self.centres, on), self.radii[on]
+        return in_blocks(
+            lambda block: (some.heights(motion[block], up) - radii).min(axis=1, initial=np.inf), len(motion)
+        )
+
+    def below_sole(self, sole: Sole) -> float:
+        """The thickness of a flat foot below its lowest joint [file units]; 0 for a foot without skin."""
+        on = self.on(sole.joints.tolist())
+        if not len(on):
+            return 0.0
+        joints = self.rest[sole.joints] @ sole.normal
+        return float(joints.min() - (self.centres.vertices[on] @ sole.normal - self.radii[on]).min())
+
+
+def _without_triangles(mesh: SkinnedMesh, on: Numbers) -> SkinnedMesh:
+    """Some vertices of a mesh."""
+    return SkinnedMesh(mesh.vertices[on], mesh.joints[on], mesh.weights[on], mesh.triangles[:0])
+
+
+def find_surface(skeleton: Skeleton, capsules: Capsules, mesh: SkinnedMesh | None) -> Surface:
+    """Return the surface of a body: of its mesh, else of its capsules."""
+    return surface_of_capsules(capsules, skeleton) if mesh is None else surface_of_mesh(mesh, skeleton)
+
+
+@lru_cache(maxsize=4)
+def surface_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton) -> Surface:
+    """Return the surface of a mesh: the vertices of each joint, and of its rigid pieces, that can be the outermost."""
+    rigid = _on_rigid_pieces(mesh)
+    kinds = 2 * mesh.carriers + rigid
+    groups = [np.flatnonzero(kinds == kind) for kind in np.unique(kinds)]
+    on = np.concatenate([group[outermost(mesh.vertices[group])] for group in groups])
+    rest, some = skeleton.rest_positions, _without_triangles(mesh, on)
+    return Surface(some, np.zeros(len(on)), rest, of_mesh=True, rigid=rigid[on])
+
+
+def _on_rigid_pieces(mesh: SkinnedMesh) -> Flags:
+    """(vertices,), whether each is on a connected piece that one joint moves alone, if there are pieces that bend."""
+    bends = np.zeros(mesh.pieces.max(initial=-1) + 1, bool)
+    joint_of = np.zeros(len(bends), np.intp)
+    joint_of[mesh.pieces] = mesh.carriers
+    bends[mesh.pieces[(mesh.carriers != joint_of[mesh.pieces]) | (mesh.weights.max(axis=1) < ALONE)]] = True
+    return np.asarray(~bends[mesh.pieces] & bends.any())
+
+
+def surface_of_capsules(capsules: Capsules, skeleton: Skeleton) -> Surface:
+    """Return the surface of capsules: the lowest point of each is that of one of its ends."""
+    joints, rest = np.repeat(capsules.joints, 2)[:, None], skeleton.rest_positions
+    centres = (capsules.ends + rest[capsules.joints, None]).reshape(-1, 3)
+    balls = SkinnedMesh(centres, joints, np.ones(joints.shape), np.zeros((0, 3), np.intp))
+    return Surface(balls, capsules.radii.ravel(), rest, of_mesh=False, rigid=np.zeros(len(centres), bool))

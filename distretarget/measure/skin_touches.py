@@ -1,6 +1,4 @@
-"""Depths of hands and forearms in a body, and errors of the gaps between skins that touch in the source. Arms that hang
-and hands that pass by do not touch.
-"""
+"""Depths of limbs in a body, and errors of gaps between skins that touch in the source, not hanging or passing by."""
 
 from __future__ import annotations
 

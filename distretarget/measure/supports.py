@@ -21,7 +21,7 @@ from distretarget.body.segments import find_segments
 from distretarget.body.soles import Sole
 from distretarget.matching.matching import Matching
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.surface import Surface
+from distretarget.measure.skin import Surface
 from distretarget.motion import Motion
 from distretarget.numerics.joint_paths import heights_of, lowest_heights, speeds_along
 from distretarget.numerics.moving import largest

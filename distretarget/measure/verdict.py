@@ -68,12 +68,12 @@ def _number(metric: Metric, metrics: Metrics, side: Variant) -> str:
 
 
 def verdict(metrics: Metrics, tracks: Mapping[Variant, Tracks]) -> Iterator[Remark]:
-    """Yield the parts of a sentence on contacts, skin, feet, other supports, floor, hips and the largest direction
-    error; then the names of metrics over their limits, and of others worse than with copied rotations.
-    """
+    """Yield the parts of a sentence on what was kept; then metrics over limits, or worse than with copied rotations."""
     of_result = tracks["result"]
     parts = [Remark(_contacts(metrics)), *_skin(metrics, of_result), Remark(_feet(metrics))]
-    parts += [*map(Remark, _supports(metrics)), *map(Remark, _floor(metrics))]
+    parts += map(Remark, _supports(metrics))
+    if (floor := BY_KEY["floor"]).over_limit(metrics):
+        parts.append(Remark(f"the body is {metrics['result'][floor.key]:.1f} % of a leg {floor.label}"))
     parts += [*_hips(metrics, of_result), *_turned(of_result)]
     for number, part in enumerate(parts, start=1):
         yield part if number > 1 else Remark(part[0].upper() + part[1:], part.frame, *part.parts)
@@ -142,12 +142,6 @@ def _supports(metrics: Metrics) -> Iterator[str]:
         yield "hands, knees or other supports stay in place less than with copied rotations"
     else:
         yield "hands, knees or other supports stay in place"
-
-
-def _floor(metrics: Metrics) -> Iterator[str]:
-    metric = BY_KEY["floor"]
-    if metric.over_limit(metrics):
-        yield f"the body is {metrics['result'][metric.key]:.1f} % of a leg {metric.label}"
 
 
 def _hips(metrics: Metrics, tracks: Tracks) -> Iterator[Remark]:

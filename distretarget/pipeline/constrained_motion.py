@@ -82,9 +82,7 @@ def constrain(performer: Performer, constraints: Constraints, offsets: Offsets =
 def constrained_result(
     free: Performer, unconstrained: Unconstrained, constraints: Constraints, mapper: Mapper
 ) -> RetargetResult:
-    """Solve a clip with user constraints, and return its result. The springs of a round bring two parts to the offset
-    that they had when limbs reached for them in the last.
-    """
+    """Solve a clip with user constraints: the springs of a round keep the offsets that limbs reached in the last."""
     poses, bound = unconstrained.poses, constrain(free, constraints)
     if free.match.skins and any(constraint.anchors for constraint in constraints.made):
         made, motion = constraints.made, unconstrained.motion
@@ -212,9 +210,7 @@ def _errors(performer: Performer, constraints: Constraints, posed: Motion) -> It
 
 
 def blended_in(several: Sequence[Constraints], without: Motion, bound: Motion, has_onset: bool = False) -> Motion:
-    """Blend a motion `bound` by constraints into that without, by the share of the constraints of all performers; if
-    the motion itself sets in and fades (`has_onset`), early in its onset.
-    """
+    """Blend `bound` into the motion without constraints by their share; if it has an onset itself, early in theirs."""
     constraints = [constraint for each in several for constraint in each]
     lead = np.max([constraint.lead * constraint.frames for constraint in constraints], axis=0)
     share = np.max([smoothstep(each.share / EARLY) if has_onset else each.share * each.on for each in several], axis=0)

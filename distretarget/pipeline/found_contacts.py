@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import combinations
 from types import NoneType
@@ -26,8 +26,8 @@ from distretarget.objectives.constraints import centimetres, frames_of
 from distretarget.objectives.contact_pairs import ContactSearch
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.performer import Match, Transfer, match_performer
-from distretarget.pipeline.result import Baseline, RetargetResult
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
+from distretarget.pipeline.result import Baseline, Match, RetargetResult
 from distretarget.skeleton import JointMap, Skeleton
 from distretarget.skin.balls import segment_gaps
 from distretarget.target import AnyTarget, SkeletonEdit, Target
@@ -66,7 +66,7 @@ def find_contacts(
 
 
 def _found(match: Match, settings: ContactSettings = DEFAULT_SETTINGS) -> ContactList:
-    performer = match.performer(RootScale.even(find_root_scale(match.matching)))
+    performer = Performer.of(match, RootScale.even(find_root_scale(match.matching)))
     performer = performer.with_supports(DEFAULT_OPTIONS, settings)
     touching = _touching(match.matching, performer.clip, performer.supports, settings)
     entries, supports, clip = [*touching], performer.supports, performer.clip
@@ -88,18 +88,18 @@ class MarkedContact:
 
 def contacts_of(baseline: Baseline) -> ContactList:
     """Return the contacts that are found in the source of a baseline."""
-    return _found(Match(baseline.world, baseline.matching))
+    return _found(Match(baseline.match.world, baseline.match.matching))
 
 
-def marked_contacts(result: RetargetResult, found: ContactList) -> tuple[MarkedContact, ...]:
-    """Return contacts found in the source of a result, and those that the user dropped and added, by first frame."""
+def marked_contacts(result: RetargetResult, found: ContactList | None = None) -> tuple[MarkedContact, ...]:
+    """Return contacts `found` in the source of a result (`contacts_of`), and those that the user dropped and added."""
     clip = Clip.of(result.matching, RootScale.even(result.root_scale))
     entries = [(each, frames_of(result.contact_list, clip, each)) for each in result.contact_list if each.has_effect]
     marked = []
     for entry, on in entries:
         if getattr(entry, "keep", True):
             marked += [MarkedContact(each, "added") for each in _spans(entry, on)]
-    for entry in found:
+    for entry in contacts_of(result.baseline) if found is None else found:
         on = np.zeros(len(clip), bool)
         on[slice(int(entry.frames[0]), int(entry.frames[1]) + 1) if entry.frames else slice(None)] = True
         drops = (
@@ -129,35 +129,32 @@ def _touching(matching: Matching, clip: Clip, supports: Supports, settings: Cont
         ends = np.sort(np.stack([of_joint[near.a], of_joint[near.b]], axis=1), axis=1)
         for column, (a, b) in enumerate(ends.tolist()):
             np.maximum(f[a, b][block], near.f[:, column], out=f[a, b][block])
-    gaps = _SkinGaps(matching, clip)
+    gap_of = _skin_gaps(matching, clip)
     for (a, b), each in f.items():
         for first, end in spans_of(np.asarray(each > 0.0)).tolist():
             if each[first:end].max() >= LISTED and (end - first) * clip.frame_time >= SHORTEST:
                 on = first + np.flatnonzero(each[first:end] >= LISTED)
-                found = gaps.of(a, b, on)
+                found = gap_of(a, b, on)
                 yield Contact(between=(names[a], names[b]), frames=(first, end - 1), found=found)
 
 
-class _SkinGaps:
-    """The gaps between skins of an average body with the source's bones."""
+def _skin_gaps(matching: Matching, clip: Clip) -> Callable[[int, int, NDArray[np.intp]], str]:
+    """A function for the median gap in words, or "", of two regions of an average body with the source's bones."""
+    body = matching.source
+    capsules, cm = capsules_by_build(body), centimetres(body.unit) * body.unit
+    if not len(capsules):
+        return lambda _a, _b, _frames: ""
+    skin = BodySkin.of(body, capsules)
+    driving = [(joint, driver) for joint, driver in enumerate(matching.drivers) if driver >= 0]
+    regions = {int(skin.of_joint[driver]): int(clip.regions.of_joint[joint]) for joint, driver in driving}  # by segment
 
-    def __init__(self, matching: Matching, clip: Clip) -> None:
-        body, self.source = matching.source, clip.source
-        capsules = capsules_by_build(body)
-        self.skin = BodySkin.of(body, capsules) if len(capsules) else None
-        self.regions = {
-            int(self.skin.of_joint[driver]): clip.regions.of_joint[joint]
-            for joint, driver in enumerate(matching.drivers)
-            if self.skin and driver >= 0 and self.skin.of_joint[driver] >= 0
-        }  # by segment
-        self.cm = centimetres(body.unit) * body.unit
-
-    def of(self, a: int, b: int, frames: NDArray[np.intp]) -> str:
-        """The median gap of two regions over some frames, in words; empty if it is not known."""
-        pairs = self.skin.balls.pairs.tolist() if self.skin else []
-        on = [column for column, pair in enumerate(pairs) if {self.regions.get(one) for one in pair} == {a, b}]
-        if not self.skin or not on:
+    def gap_of(a: int, b: int, frames: NDArray[np.intp]) -> str:
+        pairs = skin.balls.pairs.tolist()
+        on = [column for column, pair in enumerate(pairs) if {regions.get(one) for one in pair} == {a, b}]
+        if not on:
             return ""
-        posed = self.skin.posed(self.source[frames[:: max(len(frames) // 30, 1)]])
-        gap = float(np.median(segment_gaps(self.skin.balls, posed, FAR_APART)[:, on].min(axis=1)))
-        return "" if gap >= FAR_APART else "touching" if gap * self.cm < TOUCHING else f"{gap * self.cm:.1f} cm apart"
+        posed = skin.posed(clip.source[frames[:: max(len(frames) // 30, 1)]])
+        gap = float(np.median(segment_gaps(skin.balls, posed, FAR_APART)[:, on].min(axis=1)))
+        return "" if gap >= FAR_APART else "touching" if gap * cm < TOUCHING else f"{gap * cm:.1f} cm apart"
+
+    return gap_of

@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 from distretarget.baseline.engine_root import EngineRoot, along_channels, find_engine_root
 from distretarget.baseline.rotation_copy import RootScale
-from distretarget.baseline.world import World, find_world
+from distretarget.baseline.world import find_world
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, bare_mesh, capsules_by_build, capsules_of
 from distretarget.body.single_bones import straightened
-from distretarget.body.skin_anchors import AnchoredSkin
-from distretarget.body.tree_repairs import JointShift, Reparented, without_exported_ends, without_twins
+from distretarget.body.tree_repairs import without_exported_ends, without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
-from distretarget.matching.undersides import Undersides
 from distretarget.motion import Motion, check_reach
 from distretarget.numerics.vectors import Array, Flags, extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
@@ -34,7 +32,7 @@ from distretarget.objectives.resting_joints import find_resting_joints, root_shi
 from distretarget.objectives.skin import LimbTargets, with_skin
 from distretarget.objectives.supports import Supports, no_supports
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
-from distretarget.pipeline.result import Baseline, RetargetResult
+from distretarget.pipeline.result import Baseline, Match, RetargetResult
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap, Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
@@ -44,55 +42,6 @@ HIPS_RANGE = 2.0  # most distance of the hips from the root's path [body units]
 FEET_RANGE = 3.0  # most distance of an ankle from the rotation copy's on that path [body units]
 ROUNDING_ERROR = 1e-9  # rounding error far from the origin [of the distance from it]
 REPORT = "please report this with the clip and the target"
-
-
-@dataclass(frozen=True, eq=False)
-class Match:
-    """A source matched to its target."""
-
-    world: World  # from the source's world to the target's
-    matching: Matching  # which source joint drives which target joint
-    skins: Skins | None = None  # their surfaces; None for stick figures
-    mesh: SkinnedMesh | None = None  # of the target; None if its thickness is not that of a mesh
-    source_mesh: SkinnedMesh | None = None  # of the source, if its own file has one
-    skeleton: Skeleton | None = None  # of the target's file, if its parents are others than those of the target's body
-    hips: JointShift | None = None  # from the hips of the target's file to those of its body; or None
-
-    def in_file(self, motion: Motion) -> Motion:
-        """Return a motion of the target's body on the skeleton of its file."""
-        skeleton = self.skeleton
-        motion = self.hips.inverse.motion(motion) if self.hips else motion
-        return Reparented(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
-
-    @cached_property
-    def undersides(self) -> Undersides | None:
-        """The undersides of source and target, on which they rest; None for stick figures."""
-        both = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
-        return Undersides.of(self.matching, both, self.mesh) if both else None
-
-    @cached_property
-    def anchored_skin(self) -> AnchoredSkin:
-        """The skin of the target for anchors; that of an average body for a stick figure."""
-        capsules = self.skins.target.capsules if self.skins else None
-        return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
-
-    def performer(self, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
-        """Return the performer at a scale, without supports; a MotionError if there is no root to follow."""
-        engine_root = find_engine_root(self.matching, scale, options.root_follows)
-        clip = Clip.of(self.matching, scale)
-        clip = replace(clip, by_skin=self.skins.target.can_touch) if self.skins else clip
-        baseline = Baseline(
-            source=clip.source,
-            rotation_copy=self.in_file(along_channels(engine_root.placed(clip.copy), self.matching.body_joints)),
-            rise=scale.rise / scale.height,
-            matching=self.matching,
-            world=self.world,
-            distances=clip.distances,
-            skins=self.skins,
-            mesh=self.mesh,
-            source_mesh=self.source_mesh,
-        )
-        return Performer(self, engine_root, clip, baseline, no_supports(len(clip)), DEFAULT_SETTINGS)
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +82,7 @@ def match_performer(transfer: Transfer) -> Match:
     rest = transfer.rest and without_exported_ends(transfer.rest, goal.skeleton, named)
     source_body = Body.of_motion(without_twins(source, named)).with_hips_at_thighs
     source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
-    body = _body_at_rest(goal.skeleton) if goal.motion is None else Body.of(goal.skeleton, goal.motion)
+    body = Body.of(goal.skeleton, goal.motion)
     hips = body.shift_to_thighs
     if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
         hips = None
@@ -208,6 +157,21 @@ class Performer:
     supports: Supports  # the joints that rest on the world
     settings: ContactSettings  # of the contact objective
 
+    @classmethod
+    def of(cls, match: Match, scale: RootScale, options: Options = DEFAULT_OPTIONS) -> Performer:
+        """Return the performer of a match at a scale, without supports; a MotionError if there is no root to follow."""
+        engine_root = find_engine_root(match.matching, scale, options.root_follows)
+        clip = Clip.of(match.matching, scale)
+        clip = replace(clip, by_skin=match.skins.target.can_touch) if match.skins else clip
+        baseline = Baseline(
+            match=match,
+            source=clip.source,
+            rotation_copy=match.in_file(along_channels(engine_root.placed(clip.copy), match.matching.body_joints)),
+            rise=scale.rise / scale.height,
+            distances=clip.distances,
+        )
+        return cls(match, engine_root, clip, baseline, no_supports(len(clip)), DEFAULT_SETTINGS)
+
     def with_supports(self, options: Options, settings: ContactSettings) -> Performer:
         """Return the performer with the supports found in the source, and its root path adapted to them."""
         undersides = self.match.undersides
@@ -278,12 +242,6 @@ class Performer:
         inner = [bool(each) for each in skeleton.children]
         each = zip(axes, inner, turns, strict=True)
         return any(0 < own < 3 or (not own and carries and turn > LEAST_TURN) for own, carries, turn in each)
-
-
-@lru_cache(maxsize=4)
-def _body_at_rest(skeleton: Skeleton) -> Body:
-    """The body of a target, cached for a batch of clips with the same target."""
-    return Body.of(skeleton)
 
 
 def _check(source: Motion, target: Skeleton) -> None:

@@ -15,17 +15,24 @@ from scipy.spatial.transform import Rotation
 from distretarget.baseline.engine_root import path_carriers
 from distretarget.baseline.world import World
 from distretarget.body.body import Body
-from distretarget.body.tree_repairs import Reparented
+from distretarget.body.skin_anchors import AnchoredSkin
+from distretarget.body.tree_repairs import JointShift, Reparented
 from distretarget.contact_entries import NO_CONTACTS, ContactList, DroppedContact
 from distretarget.distances import DistanceProblem, posture_stress
 from distretarget.errors import quoted
 from distretarget.ik.spg import Effort
 from distretarget.matching.matching import Matching
-from distretarget.measure.comparison import Comparison, Reference
-from distretarget.measure.deviations import find_arm_deviation, find_pops, find_shaking, find_turned
+from distretarget.matching.undersides import Undersides
+from distretarget.measure.comparison import (
+    Comparison,
+    Reference,
+    find_arm_deviation,
+    find_pops,
+    find_shaking,
+    find_turned,
+)
 from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Variant, clip_limits, clip_metrics, metrics_at
-from distretarget.measure.skin import Skin, find_skin
-from distretarget.measure.surface import find_surface
+from distretarget.measure.skin import Skin, find_skin, find_surface
 from distretarget.measure.verdict import Remark, limit_warnings, verdict
 from distretarget.motion import Motion
 from distretarget.numerics.parallel import mapper_for
@@ -35,6 +42,7 @@ from distretarget.objectives.paper import Postures
 from distretarget.objectives.supports import RESTS, Supports
 from distretarget.pipeline.causes import Causes
 from distretarget.rig import rig_cached
+from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import Capsules
 from distretarget.skin.mesh import SkinnedMesh
 
@@ -44,30 +52,65 @@ REACH = 0.025  # a resting joint is seen to miss its place from 5 % of a leg on,
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # the metrics that flag frames
 
 
+@dataclass(frozen=True, eq=False)
+class Match:
+    """A source matched to its target."""
+
+    world: World  # from the source's world to the target's
+    matching: Matching  # which source joint drives which target joint
+    skins: Skins | None = None  # their surfaces; None for stick figures
+    mesh: SkinnedMesh | None = None  # of the target; None if its thickness is not that of a mesh
+    source_mesh: SkinnedMesh | None = None  # of the source, if its own file has one
+    skeleton: Skeleton | None = None  # of the target's file, if its parents are others than those of the target's body
+    hips: JointShift | None = None  # from the hips of the target's file to those of its body; or None
+
+    def in_file(self, motion: Motion) -> Motion:
+        """Return a motion of the target's body on the skeleton of its file."""
+        skeleton = self.skeleton
+        motion = self.hips.inverse.motion(motion) if self.hips else motion
+        return Reparented(skeleton, np.arange(len(skeleton))).motion(motion) if skeleton else motion
+
+    @cached_property
+    def undersides(self) -> Undersides | None:
+        """The undersides of source and target, on which they rest; None for stick figures."""
+        both = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
+        return Undersides.of(self.matching, both, self.mesh) if both else None
+
+    @cached_property
+    def anchored_skin(self) -> AnchoredSkin:
+        """The skin of the target for anchors; that of an average body for a stick figure."""
+        capsules = self.skins.target.capsules if self.skins else None
+        return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
+
+    def on_body(self, motion: Motion) -> Motion:
+        """Return a motion of the target's file on the skeleton of its body, the inverse of `in_file`."""
+        own = self.matching.target.skeleton
+        other_parents = (motion.skeleton.parents != own.parents).any()
+        motion = Reparented(own, np.arange(len(own))).motion(motion) if other_parents else motion
+        shift = Body.of(motion.skeleton).shift_to_thighs if (motion.skeleton.offsets != own.offsets).any() else None
+        return shift.motion(motion) if shift else motion
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Baseline:
     """A source and its rotation copy; attributes are as in `RetargetResult`."""
 
+    match: Match
     source: Motion
     rotation_copy: Motion
     rise: float  # of the source, to the floor on which the target stands [source file units]
-    matching: Matching
-    world: World
     distances: DistanceProblem
-    skins: Skins | None
-    mesh: SkinnedMesh | None
-    source_mesh: SkinnedMesh | None
 
     @cached_property
     def reference(self) -> Reference:
         """The source, raised to the target's floor, as the reference of measurements."""
-        source, target, up = self.matching.source, self.matching.target, self.world.up_vector
-        skins, surface = None, None
-        if self.skins:
-            target_skin = _skin_of(target, self.skins.target.capsules, self.mesh)
-            skins = _skin_of(source, self.skins.source.capsules, self.source_mesh), target_skin
-            surface = find_surface(target.skeleton, self.skins.target.capsules, self.mesh)
-        return Reference(self.source.moved(self.rise * up), self.matching, up, skins, surface)
+        match, up = self.match, self.match.world.up_vector
+        source, target, skins, surface = match.matching.source, match.matching.target, None, None
+        if match.skins:
+            target_skin = _skin_of(target, match.skins.target.capsules, match.mesh)
+            skins = _skin_of(source, match.skins.source.capsules, match.source_mesh), target_skin
+            surface = find_surface(target.skeleton, match.skins.target.capsules, match.mesh)
+        return Reference(self.source.moved(self.rise * up), match.matching, up, skins, surface)
 
     @cached_property
     def comparison(self) -> Comparison:
@@ -76,7 +119,7 @@ class Baseline:
 
     def compared(self, reference: Reference) -> Comparison:
         """Return the rotation copy measured against a reference, frame by frame."""
-        comparison = reference.compare(self.on_body(self.rotation_copy))
+        comparison = reference.compare(self.match.on_body(self.rotation_copy))
         self.stress  # noqa: B018 - while its positions are known
         self.rotation_copy.clear_cache()
         return comparison
@@ -93,15 +136,7 @@ class Baseline:
     @property
     def relative(self) -> float:
         """The factor from stress in body sizes squared to stress in target heights squared."""
-        return (self.distances.body_size / self.matching.target.height) ** 2
-
-    def on_body(self, motion: Motion) -> Motion:
-        """Return a motion of the target's file on the skeleton of its body, the inverse of `Match.in_file`."""
-        own = self.matching.target.skeleton
-        other_parents = (motion.skeleton.parents != own.parents).any()
-        motion = Reparented(own, np.arange(len(own))).motion(motion) if other_parents else motion
-        shift = Body.of(motion.skeleton).shift_to_thighs if (motion.skeleton.offsets != own.offsets).any() else None
-        return shift.motion(motion) if shift else motion
+        return (self.distances.body_size / self.match.matching.target.height) ** 2
 
 
 @rig_cached
@@ -162,22 +197,22 @@ class RetargetResult:
     @property
     def matching(self) -> Matching:
         """Which source joint drives which target joint, and the two bodies."""
-        return self.baseline.matching
+        return self.baseline.match.matching
 
     @property
     def world(self) -> World:
         """The axes, and the root's OFFSET."""
-        return self.baseline.world
+        return self.baseline.match.world
 
     @property
     def skins(self) -> Skins | None:
         """The surfaces of source and target; None for stick figures."""
-        return self.baseline.skins
+        return self.baseline.match.skins
 
     @property
     def mesh(self) -> SkinnedMesh | None:
         """The target's mesh for the metrics of skin; None if these are measured by capsules."""
-        return self.baseline.mesh
+        return self.baseline.match.mesh
 
     @property
     def drivers(self) -> NDArray[np.intp]:
@@ -217,7 +252,7 @@ class RetargetResult:
         return result, copy
 
     def _compared(self, reference: Reference) -> Comparison:
-        comparison = reference.compare(self.baseline.on_body(self.motion))
+        comparison = reference.compare(self.baseline.match.on_body(self.motion))
         self.written_stress  # noqa: B018 - while its positions are known
         self.motion.clear_cache()
         return comparison
@@ -239,7 +274,7 @@ class RetargetResult:
         not_converged[self.effort.not_converged] = 1.0
         body, (of_result, of_copy) = self.matching.target, self._comparisons
         free = np.any([np.zeros(len(self.motion), bool), *(drop.frames for drop in self.drops)], axis=0)
-        motions = self.baseline.on_body(self.rotation_copy), self.baseline.on_body(self.motion)
+        motions = self.baseline.match.on_body(self.rotation_copy), self.baseline.match.on_body(self.motion)
         shots, keys = self.matching.source.shots_of(self.source), self.motion.skeleton.keys
         return {
             "turned": find_turned(*motions, body),
@@ -251,9 +286,7 @@ class RetargetResult:
 
     @cached_property
     def metrics(self) -> dict[Variant, dict[str, float | None]]:
-        """The metrics of the whole clip, by key (`measure.metrics.METRICS`), of source, rotation copy and result; None
-        where nothing was measured.
-        """
+        """The metrics of the clip, by key, of source, rotation copy and result; None where nothing was measured."""
         return {side: clip_metrics(tracks) for side, tracks in self.tracks.items()}
 
     @property

@@ -15,14 +15,14 @@ from distretarget.checks import check_kind
 from distretarget.errors import DistretargetError
 from distretarget.io.files import write_whole
 from distretarget.io.input_file import InputFile
-from distretarget.io.target_file import parse_full_target
+from distretarget.io.reading import parse_full_target
 from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import CONTACT_DISTANCE, FAR_ALONG
 from distretarget.measure.diff import Diff, turned_note
 from distretarget.measure.metrics import BY_KEY, as_data, metrics_at
 from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array
-from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
 from distretarget.pipeline.result import RetargetResult
 from distretarget.report.actors import Role, encoded, to_y_up
 from distretarget.report.diff_document import About, Table, Values, document
@@ -72,7 +72,7 @@ def run_page(
     diff, copy = run_diff(result), result.tracks["rotation_copy"]
     about = replace(about, rotation_copy=copy, verdict=result.verdict, warnings=result.warnings)
     body = shown_result("", result, meshes_of(result, target, source))
-    return _page(diff, document(diff, about), body, contacts_in(result))
+    return _page(diff, document(diff, about), body, marked_contacts(result))
 
 
 def run_motions(result: RetargetResult, meshes: Meshes) -> dict[str, object]:
@@ -125,11 +125,6 @@ def shown_diff(name: str, diff: Diff) -> ShownBody:
     """Return the performer of a diff."""
     motions = diff.a[: len(diff)], diff.b
     return ShownBody(name=name, motions=motions, matching=diff.matching, skins=_capsules(diff.matching))
-
-
-def contacts_in(result: RetargetResult) -> tuple[MarkedContact, ...]:
-    """Return the contacts of a result: found, dropped and added."""
-    return marked_contacts(result, contacts_of(result.baseline))
 
 
 def _capsules(matching: Matching) -> tuple[Capsules, Capsules]:
@@ -189,7 +184,9 @@ def _page(diff: Diff, document: Values, body: ShownBody, marked: Sequence[Marked
 def _timeline(
     diff: Diff, body: ShownBody, marked: Sequence[MarkedContact], jumps: Iterable[Jump] = ()
 ) -> dict[str, object]:
-    return timeline(rows_of_body(body, diff, marked), [*jumps, *_cuts(diff)])
+    edges = (np.flatnonzero(np.diff(diff.matching.source.shots_of(diff.a))) + 1).tolist()
+    cuts = [{"frame": frame, "kind": "Cuts", "text": f"frame {frame}"} for frame in edges]
+    return timeline(rows_of_body(body, diff, marked), [*jumps, *cuts])
 
 
 def _motions(body: ShownBody, up: Array) -> dict[str, object]:
@@ -227,8 +224,3 @@ def _worst(document: Values) -> Iterator[dict[str, Any]]:
             name = f"{metric.label[0].upper()}{metric.label[1:]}"
             text = f"{name} {metric.factor * value:.3g} {metric.symbol}".rstrip()
             yield {"frame": frame, "kind": "Worst frames", "text": f"{text} \u00b7 {frame}"}
-
-
-def _cuts(diff: Diff) -> Iterator[dict[str, Any]]:
-    for frame in (np.flatnonzero(np.diff(diff.matching.source.shots_of(diff.a))) + 1).tolist():
-        yield {"frame": frame, "kind": "Cuts", "text": f"frame {frame}"}

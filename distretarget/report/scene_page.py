@@ -24,9 +24,9 @@ from distretarget.measure.diff import Diff, SceneDiff
 from distretarget.measure.gaps import TOUCH_DISTANCE, SkinContact, SkinContacts
 from distretarget.measure.metrics import BY_KEY, METRICS
 from distretarget.numerics.vectors import Array, lengths
-from distretarget.pipeline.found_contacts import MarkedContact
+from distretarget.pipeline.found_contacts import MarkedContact, marked_contacts
 from distretarget.report.actors import Role, to_y_up
-from distretarget.report.clip_page import contacts_in, run_diff, shown_diff, shown_result
+from distretarget.report.clip_page import run_diff, shown_diff, shown_result
 from distretarget.report.diff_document import About, Table, Values, csv_text, document, judged, rounded
 from distretarget.report.page import VERSION, html_page
 from distretarget.report.stage import Row, ShownBody, bodies_in_motion, margin_of, rows_of_body, timeline
@@ -76,7 +76,7 @@ def write_scene_report(
 def scene_page(result: SceneResult, names: Sequence[str]) -> str:
     """The HTML of the report on a scene: its source and its result; `names` are as in `write_scene_report`."""
     bodies = [shown_result(name, one) for name, one in zip(names, result.results, strict=False)]
-    measured = [(run_diff(one), contacts_in(one)) for one in result.results]
+    measured = [(run_diff(one), marked_contacts(one)) for one in result.results]
     props = zip(names[len(bodies) :], result.props, strict=True)
     bodies += [ShownBody(name=name, motions=(prop.source, prop.copy, prop.motion)) for name, prop in props]
     tables = [table for table in (_skin_gaps_of(result, names), _gaps_of(result, names)) if table["rows"]]

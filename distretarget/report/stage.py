@@ -1,6 +1,4 @@
-"""The data of a player: bodies in motion on its sides, frames to go to, and the rows of its timeline; and the page of
-`distretarget view`.
-"""
+"""The data of a player: bodies in motion, rows of its timeline, frames to go to; the page of `distretarget view`."""
 
 from __future__ import annotations
 
@@ -19,8 +17,7 @@ from distretarget.body.segments import find_segments
 from distretarget.errors import DistretargetError
 from distretarget.io.contacts_file import entry_to_json
 from distretarget.io.input_file import InputFile
-from distretarget.io.motion_file import parse_motion
-from distretarget.io.target_file import animations_in, parse_full_target
+from distretarget.io.reading import animations_in, parse_full_target, parse_motion
 from distretarget.matching.matching import Matching
 from distretarget.measure.contacts import CONTACT_DISTANCE
 from distretarget.measure.diff import Diff, diff

@@ -37,8 +37,8 @@ from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.constraints import centimetres
 from distretarget.objectives.resting_joints import Environment
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
-from distretarget.pipeline.performer import Match, Transfer, match_performer
-from distretarget.pipeline.result import RetargetResult
+from distretarget.pipeline.performer import Performer, Transfer, match_performer
+from distretarget.pipeline.result import Match, RetargetResult
 from distretarget.scene.contacts import SceneContacts
 from distretarget.scene.props import PlacedProp, Placement, Prop, PropResult
 from distretarget.scene.skin import collision_skins
@@ -193,7 +193,7 @@ def retarget_transfers(
     prepared = []
     for match, height, given in zip(performers, heights, transfers, strict=True):
         soles = height * rise_onto_soles(match.matching, height, match.undersides)  # on the floor that all share
-        one = match.performer(RootScale(level, height, soles), given.options)
+        one = Performer.of(match, RootScale(level, height, soles), given.options)
         prepared.append(one.with_supports(given.options, settings))
     skins = collision_skins(performers, [each.options.skin for each in transfers])
     solved = solve_scene(prepared, placed, skins, contact_lists, mapper, progress)
@@ -337,7 +337,7 @@ def _of_pairs(results: Sequence[RetargetResult], measure: Callable[..., Measured
     known, found = {}, {}
     for number, one in enumerate(results):
         if one.skins:
-            source_skin = find_skin(one.matching.source, one.skins.source.capsules, one.baseline.source_mesh)
+            source_skin = find_skin(one.matching.source, one.skins.source.capsules, one.baseline.match.source_mesh)
             known[number] = source_skin, find_skin(one.matching.target, one.skins.target.capsules, one.mesh)
     for i, j in combinations(known, 2):
         sources, motions = ([getattr(results[n], side) for n in (i, j)] for side in ("source", "motion"))

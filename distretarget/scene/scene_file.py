@@ -16,14 +16,13 @@ from distretarget.io.files import read_text, safe_file_name
 from distretarget.io.input_file import load_file
 from distretarget.io.json_node import Node, parse_json
 from distretarget.io.map_json import load_map
-from distretarget.io.motion_file import parse_motion
 from distretarget.io.obj import parse_obj, static_prop
-from distretarget.io.target_file import load_build, load_target
+from distretarget.io.reading import load_build, load_target, parse_motion
 from distretarget.motion import Motion
 from distretarget.objectives.resting_joints import Environment
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import HoldMode, Options, SkinMode
+from distretarget.pipeline.retargeting import Recipe
 from distretarget.scene.props import Grip, Prop, PropScale, PropSurface, prop_of
 from distretarget.scene.retargeting import SceneResult, retarget_transfers
 

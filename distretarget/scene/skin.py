@@ -30,7 +30,8 @@ from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.skin import how_free, how_touching, limb_displacements, limb_places, nearness, softness
 from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
-from distretarget.pipeline.performer import Match, Performer
+from distretarget.pipeline.performer import Performer
+from distretarget.pipeline.result import Match
 from distretarget.scene.contacts import PropContacts, SceneContacts, common_shots
 from distretarget.scene.props import PropSurface, nearest_places
 from distretarget.skin.balls import NEVER, Balls, segment_gaps

@@ -17,11 +17,11 @@ from distretarget.io.files import hash_of_file, read_text, safe_file_name
 from distretarget.io.input_file import InputFile
 from distretarget.io.json_node import on_lines, parse_json
 from distretarget.io.map_json import HEADER as MAP_HEADER
-from distretarget.io.map_json import MapFile, parse_map
+from distretarget.io.map_json import parse_map
 from distretarget.io.motion_writer import OutputSettings
-from distretarget.pipeline.conversion import Recipe
 from distretarget.pipeline.edits import NO_EDITS, Edits
 from distretarget.pipeline.options import DEFAULT_OPTIONS, Options
+from distretarget.pipeline.retargeting import Recipe
 
 HEADER: dict[str, object] = {"format": "distretarget-project", "version": 1}
 FILES = ("clip", "character")
@@ -36,21 +36,14 @@ class Order:
 
     clip: str  # the id of its file, in a project file the name
     character: str  # the same
-    animation: str | None  # one of several in the clip's file; None for the only one
-    fps: float | None  # at which the clip is sampled [frames/s]; None for its own
-    edits: Edits
-    options: Options
-    in_place: bool
+    recipe: Recipe
     contacts: ContactList
-    map_file: MapFile
     format: str | None  # suffix of the output; None for the character's default
     key: str  # the JSON it was made from
 
     @classmethod
     def of(cls, given: Mapping[str, Any], path: Path | None = None) -> Order:
-        """Return the order that the page sent, or that is in the file `path`; a SettingsError, FileError or
-        SkeletonFileError if it is invalid.
-        """
+        """Return the order that the page sent, or that is in the file `path`; errors as in `load_project`."""
         known = {*FILES, *SETTINGS, "format"}
         if not isinstance(given, Mapping) or not given.keys() <= known or not given.keys() >= {*FILES}:
             raise SettingsError(f"an order is {given!r:.80}; expected the fields {', '.join(sorted(known))}")
@@ -67,13 +60,15 @@ class Order:
         return cls(
             clip=str(given["clip"]),
             character=str(given["character"]),
-            animation=given.get("animation"),
-            fps=given.get("fps"),
-            edits=edits,
-            options=options,
-            in_place=bool(given.get("in_place")),
+            recipe=Recipe(
+                options,
+                parse_map(_map_text(given), path or "map.json"),
+                given.get("animation"),
+                given.get("fps"),
+                OutputSettings(in_place=bool(given.get("in_place"))),
+                edits=edits,
+            ),
             contacts=parse_contacts(text, path or "contacts.json") if entries else NO_CONTACTS,
-            map_file=parse_map(_map_text(given), path or "map.json"),
             format=given.get("format"),
             key=json.dumps(given, sort_keys=True),
         )
@@ -84,15 +79,9 @@ class Order:
         return json.dumps({**json.loads(self.key), "contacts": None, "format": None}, sort_keys=True)
 
     @property
-    def recipe(self) -> Recipe:
-        """The recipe for a conversion."""
-        writing = OutputSettings(in_place=self.in_place)
-        return Recipe(self.options, self.map_file, self.animation, self.fps, writing=writing, edits=self.edits)
-
-    @property
     def has_map(self) -> bool:
         """Whether its command line needs a map file."""
-        return bool(self.map_file.pairs) or self.map_file.rest is not None
+        return bool(self.recipe.map_file.pairs) or self.recipe.map_file.rest is not None
 
     @property
     def map_json(self) -> str:
@@ -102,10 +91,11 @@ class Order:
     @property
     def settings(self) -> dict[str, Any]:
         """The settings that are not defaults, by the names of the command line's options."""
-        changed = {"clip": self.animation, "fps": self.fps, "in_place": self.in_place or None}
-        for given, default in ((self.edits, NO_EDITS), (self.options, DEFAULT_OPTIONS)):
+        recipe = self.recipe
+        changed = {"clip": recipe.clip, "fps": recipe.fps, "in_place": recipe.writing.in_place or None}
+        for given, default in ((recipe.edits, NO_EDITS), (recipe.options, DEFAULT_OPTIONS)):
             changed |= {name: value for name, value in asdict(given).items() if value != getattr(default, name)}
-        if self.options.objective == "paper":
+        if recipe.options.objective == "paper":
             changed.pop("supports", None)  # this objective has no supports
         return {name: value for name, value in changed.items() if value is not None}
 
@@ -189,7 +179,7 @@ class Project:
 
     def with_map(self, recipe: Recipe) -> Recipe:
         """Return a recipe with the order's map, and with its rest pose unless the recipe has one."""
-        own = self.order.map_file
+        own = self.order.recipe.map_file
         return replace(recipe, map_file=replace(own, rest=recipe.map_file.rest or own.rest))
 
 
@@ -237,5 +227,5 @@ def load_project(path: Path) -> Project:
             raise FileError(path.parent / name, f"is not the {role} that {path} was made with: its content differs")
     settings = {name: value for name, value in json.loads(text).items() if name in SETTINGS}
     order = Order.of({**names, **settings}, path)
-    file_names = Names(names["clip"], names["character"], found["output"].text(), order.animation or "")
+    file_names = Names(names["clip"], names["character"], found["output"].text(), order.recipe.clip or "")
     return Project(order, file_names, path.parent)

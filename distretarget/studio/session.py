@@ -8,7 +8,7 @@ import threading
 import uuid
 import zipfile
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,14 +20,12 @@ from distretarget.contact_entries import ContactList
 from distretarget.errors import DistretargetError, FileError, SettingsError
 from distretarget.io.contacts_file import contacts_to_json, entry_to_json
 from distretarget.io.files import encoded_parts
-from distretarget.io.formats import FBX, OUTPUT_FORMATS, OUTPUTS
-from distretarget.io.input_file import InputFile
-from distretarget.io.motion_file import parse_motion
+from distretarget.io.input_file import FBX, OUTPUT_FORMATS, OUTPUTS, InputFile
 from distretarget.io.motion_writer import content_of, output_kind, suffix_of
-from distretarget.io.target_file import CharacterTarget, TargetFile, animations_in
+from distretarget.io.reading import CharacterTarget, TargetFile, animations_in, parse_motion
 from distretarget.measure.verdict import Remark
-from distretarget.pipeline.conversion import Conversion, Converted, Recipe
 from distretarget.pipeline.found_contacts import MarkedContact, contacts_of, marked_contacts
+from distretarget.pipeline.retargeting import Conversion, Converted
 from distretarget.report.clip_page import Meshes, meshes_of, run_axes, run_motions, run_page, run_timeline
 from distretarget.report.diff_document import About
 from distretarget.skeleton import Skeleton
@@ -60,12 +58,6 @@ class FinishedOrder:
     def target(self) -> TargetFile:
         """The character."""
         return self.conversion.target
-
-    @property
-    def report(self) -> str:
-        """The HTML of the report."""
-        about = About(a=str(self.source.path), b=str(self.target.path))
-        return run_page(self.converted.result, about, self.target.target, self.source)
 
     @cached_property
     def contacts(self) -> tuple[MarkedContact, ...]:
@@ -111,7 +103,7 @@ class FinishedOrder:
     @property
     def names(self) -> Names:
         """The names of its files."""
-        return Names(str(self.source.path), str(self._character.path), self.format, self.order.animation or "")
+        return Names(str(self.source.path), str(self._character.path), self.format, self.order.recipe.clip or "")
 
     @property
     def _character(self) -> InputFile:
@@ -132,7 +124,9 @@ class FinishedOrder:
                 files = {self.order.clip: self.source, self.order.character: self._character}
                 return names.of_kind("project.json"), project_to_json([self.order], self.format, files).encode()
             case "report":
-                return f"{PurePath(names.result).stem}.html", self.report.encode()
+                about = About(a=str(self.source.path), b=str(self.target.path))
+                page = run_page(self.converted.result, about, self.target.target, self.source)
+                return f"{PurePath(names.result).stem}.html", page.encode()
         if kind != self.format:
             raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
         return names.result, self.motion(names.result)
@@ -160,12 +154,6 @@ def _joint_keys(skeleton: Skeleton) -> list[str]:
     """The key of each joint, for End Sites that of the parent."""
     ends = zip(skeleton.parents.tolist(), skeleton.end_sites, strict=True)
     return [skeleton.keys[max(parent, 0) if end else joint] for joint, (parent, end) in enumerate(ends)]
-
-
-def _numbered(name: str) -> Iterator[str]:
-    """Yield the name of a file, then the same with numbers."""
-    path = PurePath(name)
-    return (str(path.with_stem(f"{path.stem}{number or ''}")) for number in count())
 
 
 def formats_of(target: TargetFile) -> list[str]:
@@ -227,8 +215,9 @@ class Session:
             errors.append(error)
         if len(errors) == 2:
             raise errors[0]
-        taken = {str(known["name"]).casefold() for known in self.dropped}
-        free = next(each for each in _numbered(str(file.path)) if each.casefold() not in taken)
+        taken, place = {str(known["name"]).casefold() for known in self.dropped}, PurePath(file.path)
+        numbered = (str(place.with_stem(f"{place.stem}{number or ''}")) for number in count())
+        free = next(each for each in numbered if each.casefold() not in taken)
         if free != str(file.path):
             self._known[key] = self.add(free, content)
             return self._known[key]
@@ -259,16 +248,15 @@ class Session:
         return finished
 
     def names_of(self, orders: Sequence[Order], merged: bool) -> list[Names]:
-        """Return the names of the files of several orders, all different, except for that of the result if they are
-        `merged`.
-        """
+        """Return the names of the files of several orders, all different, but for that of a `merged` result."""
         taken, found = frozenset(str(each["name"]).casefold() for each in self.dropped), list[Names]()
         for order in orders:
             clip, character = self._file(order.clip), self._target(order.character)
-            files, form = (str(clip.path), str(character.path)), order.format or formats_of(character)[0]
+            form, animation = order.format or formats_of(character)[0], order.recipe.clip or ""
             if merged and OUTPUTS.get(f".{form}") != "character":
                 raise SettingsError(f"a .{form} file holds one motion; take all clips as glb, or in files of their own")
-            found.append(Names(*files, form, order.animation or "", taken if len(orders) > 1 else frozenset(), merged))
+            others = taken if len(orders) > 1 else frozenset()
+            found.append(Names(str(clip.path), str(character.path), form, animation, others, merged))
             taken |= found[-1].all
         return found
 
@@ -318,21 +306,17 @@ class Session:
         similar = next((one for one in self._finished.values() if one.order.preparation == order.preparation), None)
         while len(self._finished) > (similar is not None):  # before the next result takes memory
             self._finished.popitem(last=False)
-        conversion = similar.conversion if similar else self._conversion(source, target, recipe, check)
-        converted = conversion.converted(
-            recipe.name_of(source), (OUTPUTS[f".{form}"],), contacts=order.contacts, progress=check
-        )
+        name, kinds = recipe.name_of(source), (OUTPUTS[f".{form}"],)
         if similar:
+            converted = similar.conversion.converted(name, kinds, order.contacts, check)
             return replace(similar, order=order, converted=converted, format=form)
-        found, meshes = contacts_of(converted.result.baseline), meshes_of(converted.result, target.target, source)
-        return FinishedOrder(order, conversion, found, meshes, converted, form)
-
-    @staticmethod
-    def _conversion(source: InputFile, target: TargetFile, recipe: Recipe, check: Callable[[int], None]) -> Conversion:
         motion, _ = recipe.read(source)
         check(0)
         ready = Conversion.of(motion, source, target, recipe)
-        return replace(ready, prepared=ready.prepared.once_solved(check))
+        conversion = replace(ready, prepared=ready.prepared.once_solved(check))
+        converted = conversion.converted(name, kinds, order.contacts, check)
+        found, meshes = contacts_of(converted.result.baseline), meshes_of(converted.result, target.target, source)
+        return FinishedOrder(order, conversion, found, meshes, converted, form)
 
     def _target(self, file_id: str) -> TargetFile:
         if file_id not in self._targets:
