@@ -24,7 +24,7 @@ PAIRS = (("its own", "child"), ("H", "its own"), ("H", "child"))  # bodies of le
 COLUMNS = (
     "take, bodies | gap, % of leg: source / rotation copy / each alone / scene | "
     "gap in units of the world, scene / source | foot skate over the source's, strides as in this world | "
-    "foot height, % of leg, larger | jerk / copy's | turn, degrees | pops | "
+    "foot height, % of leg, larger | direction p99, degrees | jerk / copy's | turn, degrees | "
     "worst 1 % of gaps, % of leg: each alone / scene | largest hips height, % of leg: each alone / scene | "
     "speed against each alone, processor time"
 )
@@ -66,9 +66,9 @@ def cells(number: str, motions: list[Motion], names: tuple[str, str]) -> Iterato
     skates = [one.metrics["result"]["foot_skate"] or 0.0 for one in scene.results]
     yield several(np.divide(skates, strides), ".2f")
     yield f"{max(one.metrics['result']['foot_height'] or 0.0 for one in scene.results):.2f}"
+    yield several([one.metrics["result"]["direction_error_p99"] or 0.0 for one in scene.results], ".1f")
     yield several(jerks, ".2f")
-    for key, form in (("turn", ".1f"), ("pop", ".0f")):
-        yield several([one.metrics["result"][key] or 0.0 for one in scene.results], form)
+    yield several([one.metrics["result"]["turn"] or 0.0 for one in scene.results], ".1f")
     yield several([100 * each.worst for each in (apart, gap)], ".1f")
     hips = [[one.metrics["result"]["hips_height_largest"] or 0.0 for one in many] for many in (alone, scene.results)]
     yield several(map(max, hips), ".1f")

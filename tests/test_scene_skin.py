@@ -13,6 +13,7 @@ from distretarget.body.build import Build, Builds, average_build
 from distretarget.measure.gaps import measure_overlap, measure_skin_contacts
 from distretarget.measure.skin import find_skin
 from distretarget.measure.skin_touches import FARTHEST
+from distretarget.objectives.part_axes import rays
 from distretarget.objectives.skin import limb_displacements
 from distretarget.objectives.supports import BLEND
 from distretarget.scene import skin as scene_skin
@@ -82,6 +83,38 @@ def test_hands_lie_on_the_same_place_of_those_whom_they_lift():
     off = np.abs(of_result - of_source)[:, hand_gaps(scene("lift"), "source", before) < TOUCH]
     assert np.degrees(off[..., 0]).mean() < 10.0
     assert off[..., 1].mean() < 0.15
+
+
+def test_hands_on_the_wrong_side_of_another_move_round_to_the_sources(monkeypatch):
+    def noted(*given):
+        calls.append(given)
+        return move(*given)
+
+    def opposite(*given):
+        starts, out, heights = rays(*given)
+        return starts, -out, heights
+
+    calls, move = [], scene_skin._hands_on_others
+    monkeypatch.setattr(scene_skin, "_hands_on_others", noted)
+    scene.__wrapped__("lift")
+    posed = calls[0][3]
+    kept, anchors = move(*calls[0])
+    for before, after in zip(posed, kept, strict=True):
+        np.testing.assert_allclose(after.positions, before.positions, atol=0.5)  # cm
+
+    monkeypatch.setattr(scene_skin, "rays", opposite)
+    turned, found = move(*calls[0])
+    touch = found["anchor_weights"] > 0.9
+    assert touch.sum() > 100
+    assert ((found["anchor_offsets"] * found["anchor_rays"]).sum(axis=3)[touch] > 0.0).mean() > 0.9
+    skins, unit = calls[0][2].skins, calls[0][2].unit
+    wrists = [[limb.end for limb in skin.limbs] for skin in skins]
+    x, y = (
+        np.concatenate([m.positions[:, at] for m, at in zip(each, wrists, strict=True)], axis=1)
+        for each in (kept, turned)
+    )
+    moves = found["anchor_offsets"] - anchors["anchor_offsets"]
+    np.testing.assert_allclose(moves[touch], ((y - x) / unit)[:, :, None].repeat(touch.shape[2], 2)[touch], atol=0.02)
 
 
 def test_what_hands_touch_sets_in_over_time(monkeypatch):

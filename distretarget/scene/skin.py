@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from itertools import permutations, product
 
 import numpy as np
@@ -20,11 +19,12 @@ from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Poses
 from distretarget.ik.springs import Springs
 from distretarget.motion import Motion
-from distretarget.numerics.moving import averaged
-from distretarget.numerics.time_series import by_shot, slices_of, smoothstep, spans_of
-from distretarget.numerics.vectors import Array, Flags, Numbers
+from distretarget.numerics.time_series import slices_of, smoothstep, spans_of
+from distretarget.numerics.vectors import Array, Flags, Numbers, lengths
 from distretarget.objectives.anchors import anchor_weight, no_anchors, shared_hands
+from distretarget.objectives.approach import LEAD, STEADY
 from distretarget.objectives.body_skin import BodySkin, Skins
+from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_zones import APART, ContactZones, gaps_of_pairs
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.objectives.skin import how_free, how_touching, limb_displacements, limb_places, nearness, softness
@@ -37,7 +37,7 @@ from distretarget.scene.props import PropSurface, nearest_places
 from distretarget.skin.balls import NEVER, Balls, segment_gaps
 from distretarget.skin.capsules import GROUP, SEGMENTS
 from distretarget.skin.displacement import NOTHING
-from distretarget.skin.limbs import bent
+from distretarget.skin.limbs import LEAST, bent, reaching
 from distretarget.skin.tangents import Displaced
 
 COUNT = len(SEGMENTS)  # segment s of body i has the number i * COUNT + s
@@ -51,6 +51,7 @@ HARD = SEGMENTS.index("head")  # props count as this segment: hard, and one plac
 WORSE = 0.01  # bends by which a limb gets deeper than before by more than this, on average, are undone [body units]
 # The segments of each of `PARTS` that is no part of an arm, and so stays in place while arms bend.
 STEADY_PARTS = [np.array([*map(SEGMENTS.index, names)]) for part, names in PARTS.items() if part not in ARM_PARTS]
+SAME_SIDE = 0.7  # hands move to the source's side if the cosine of their direction to its is less, in full below 0
 IS_HAND = np.array(["hand" in name for name in SEGMENTS])
 
 
@@ -284,7 +285,8 @@ def _separated(
     performers: Sequence[Performer], bodies: Bodies, sources: Bodies, posed: Sequence[Motion]
 ) -> Sequence[Motion]:
     """The motions with limbs bent out of other bodies and props, and hands drawn to what they touch of these."""
-    balls, clips = bodies.balls, [each.clip for each in performers]
+    balls, shots = bodies.balls, common_shots(performers)
+    clips = [replace(each.clip, shots=shots) for each in performers]
     in_source = segment_gaps(sources.balls, sources.posed([clip.source for clip in clips]), APART)
     in_source = gaps_of_pairs(in_source, sources.balls.pairs, balls.pairs)
     least = np.where(bodies.encloses, np.minimum(in_source, 0.0), 0.0)
@@ -297,50 +299,67 @@ def _separated(
     for performer, skin in zip(performers, bodies.skins, strict=True):
         undrawn = 1.0 - _pull(performer, skin)
         free.append(how_free(performer.clip, skin, performer.supports, performer.settings) * undrawn[..., None])
-    limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
-    touching = by_shot(partial(averaged, reach=round(BLEND / clips[0].frame_time)), shots, touching)
+    limbs, touching = [limb for skin in bodies.skins for limb in skin.limbs], clips[0].averaged(touching, BLEND)
+    can_move = np.concatenate(free, axis=1)
+    posed, anchors = _hands_on_others(clips, sources, bodies, posed, zones, in_source, touching, can_move)
     frames = Frames(
         posed=bodies.posed(posed),
         limbs=bodies.limbs(posed),
-        free=np.concatenate(free, axis=1),
+        free=can_move,
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
         target_gaps=zones.least(np.maximum(in_source, least)),
         firmness=touching,
-        **_anchors_on_others(sources, bodies, [clip.source for clip in clips], posed, zones, in_source, touching),
+        **anchors,
     )
     moves = limb_displacements(balls, bodies.displaced, zones, frames, limbs, shots, clips[0].frame_time, DRAWN_WITHIN)
     return bodies.bent(posed, moves)
 
 
-def _anchors_on_others(
+def _hands_on_others(
+    clips: Sequence[Clip],
     sources: Bodies,
     bodies: Bodies,
-    source_motions: Sequence[Motion],
     posed: Sequence[Motion],
     zones: ContactZones,
     in_source: Array,
     firmness: Array,
-) -> dict[str, Array]:
-    """The anchor fields of `Frames`, which bring the middle of a hand to the same place of another performer's body."""
+    free: Array,
+) -> tuple[list[Motion], dict[str, Array]]:
+    """The motions, and the anchor fields of `Frames` that bring the middle of a hand to the same place of another
+    performer's body. Hands on another side of that body than in the source are moved round its axis to the source's
+    side, where the shortest path out of it is the right one.
+    """
     count, kinds = len(bodies.skins), len(STEADY_PARTS)
     firsts = np.cumsum([0, *(len(skin.limbs) for skin in bodies.skins)])
     fields = no_anchors(len(firmness), int(firsts[-1]), count * kinds)
+    moved = [np.zeros((len(firmness), len(skin.limbs), 2, 3)) for skin in bodies.skins]
     for i, j in permutations(range(count), 2):
         one, other = sources.skins[i], bodies.skins[i]
         touched, own = sources.skins[j].landmarks, bodies.skins[j].landmarks
         if touched is None or own is None:
             continue
-        axes = touched.axes(source_motions[j]), own.axes(posed[j])
+        axes = touched.axes(clips[j].source), own.axes(posed[j])
+        along = axes[1].directions[:, :kinds, 0]
         for limb, (hand, *_) in shared_hands(one, other).items():
-            points, now = _middle(one, source_motions[i], hand), _middle(other, posed[i], hand)
+            points, now = _middle(one, clips[i].source, hand), _middle(other, posed[i], hand)
             places, out, _ = rays(*axes, np.repeat(points[:, None, None], len(PARTS), axis=2))
-            at = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds]
-            fields["anchor_offsets"][at] = (now[:, None] - places[:, 0, :kinds]) / bodies.unit
-            fields["anchor_rays"][at] = out[:, 0, :kinds]
+            off, out = now[:, None] - places[:, 0, :kinds], out[:, 0, :kinds]
             ends = [(i * COUNT + hand, j * COUNT + parts) for parts in STEADY_PARTS]
             ties = [anchor_weight(bodies.balls.pairs, zones, *both, in_source, firmness) for both in ends]
-            fields["anchor_weights"][at] = np.stack(ties, axis=1)
-    return fields
+            at, weights = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds], np.stack(ties, axis=1)
+            fields["anchor_offsets"][at], fields["anchor_rays"][at], fields["anchor_weights"][at] = off, out, weights
+            radial = off - (off * along).sum(axis=2, keepdims=True) * along
+            distances = lengths(radial)
+            cosines = (radial * out).sum(axis=2) / np.maximum(distances, LEAST)
+            aside = weights * smoothstep(1.0 - cosines / SAME_SIDE)
+            share = clips[i].averaged(clips[i].widened(aside, LEAD), LEAD)
+            share *= free[:, firsts[i] + limb, 1, None]
+            by = (share[..., None] * (distances[..., None] * out - radial)).sum(axis=1)
+            moved[i][:, limb] += reaching(posed[i], other.limbs[limb], by, 0.0 * by)
+    moved = [clip.averaged(each, STEADY) for clip, each in zip(clips, moved, strict=True)]
+    fields["anchor_offsets"] += np.concatenate(moved, axis=1)[:, :, None, 1]
+    fields["anchor_offsets"] /= bodies.unit
+    return [bent(motion, skin.limbs, by) for motion, skin, by in zip(posed, bodies.skins, moved, strict=True)], fields
 
 
 def _middle(skin: BodySkin, motion: Motion, segment: int) -> Array:
