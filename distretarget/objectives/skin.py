@@ -33,11 +33,11 @@ from distretarget.objectives.contact_zones import APART, IS_HARD, ContactZones, 
 from distretarget.objectives.mesh_gaps import false_overlap, mesh_correction
 from distretarget.objectives.sliding import stillness
 from distretarget.objectives.supports import Supports
-from distretarget.skin.balls import Balls, mean_radii, segment_gaps
+from distretarget.skin.balls import NEVER, Balls, mean_radii, segment_gaps
 from distretarget.skin.capsules import GROUP, IS_ARM, SEGMENTS
 from distretarget.skin.limbs import Limb, bent
 from distretarget.skin.sides import least_displacements
-from distretarget.skin.tangents import Displaced
+from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 # The most steps of each round of the solve, before which gaps are corrected by the mesh: its nearest points change as
@@ -191,6 +191,7 @@ def _source_contacts(
         limbs=limb_places(body, posed),
         free=free,
         soft=np.maximum(softness(balls, balls.pairs, in_source), pressed[:, zones.of_pair]),
+        **floor_below(balls, body.displaced, body.posed(posed), len(body.limbs), clip.up),
         target_gaps=np.maximum(gaps, least),
         firmness=firmness,
         **anchors(clip.source, posed, skins, zones, in_source, firmness),
@@ -257,6 +258,18 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
         if limb.top in {leg.hip for leg in clip.target_legs or ()}:
             free[:, number, 1] = 0.0
     return free
+
+
+def floor_below(balls: Balls, displaced: Displaced, posed: Array, limbs: int, up: Array) -> dict[str, Array]:
+    """The floor fields of `limb_terms.Frames`: no skin about the middle or the end of one of so many limbs sinks below
+    the lowest skin of the body, whose capsules end at `posed`, (frames, capsules, 2, 3).
+    """
+    heights = posed @ up - balls.cap_radii
+    above = np.empty((len(posed), limbs, 2))
+    for limb, joint in np.ndindex(limbs, 2):
+        on = (displaced.limbs == limb)[:, None] & (displaced.shares[..., joint] > LEAST_SHARE)
+        above[:, limb, joint] = heights[:, on].min(axis=1, initial=NEVER) - heights.min(axis=(1, 2))
+    return {"up": np.broadcast_to(up, (len(posed), 3)), "above_floor": above}
 
 
 def how_touching(zones: ContactZones, gaps: Array) -> Array:

@@ -27,7 +27,15 @@ from distretarget.objectives.anchors import anchor_weight, no_anchors, shared_ha
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.contact_zones import APART, ContactZones, gaps_of_pairs
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
-from distretarget.objectives.skin import how_free, how_touching, limb_displacements, limb_places, nearness, softness
+from distretarget.objectives.skin import (
+    floor_below,
+    how_free,
+    how_touching,
+    limb_displacements,
+    limb_places,
+    nearness,
+    softness,
+)
 from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Match, Performer
@@ -298,11 +306,13 @@ def _separated(
         free.append(how_free(performer.clip, skin, performer.supports, performer.settings) * undrawn[..., None])
     limbs, shots = [limb for skin in bodies.skins for limb in skin.limbs], common_shots(performers)
     touching = by_shot(partial(averaged, reach=round(BLEND / clips[0].frame_time)), shots, touching)
+    ends = bodies.posed(posed)
     frames = Frames(
-        posed=bodies.posed(posed),
+        posed=ends,
         limbs=bodies.limbs(posed),
         free=np.concatenate(free, axis=1),
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
+        **floor_below(balls, bodies.displaced, ends, len(limbs), clips[0].up),
         target_gaps=zones.least(np.maximum(in_source, least)),
         firmness=touching,
         **_anchors_on_others(sources, bodies, [clip.source for clip in clips], posed, zones, in_source, touching),
