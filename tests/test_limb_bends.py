@@ -1,5 +1,7 @@
 """Limbs bend over time: out of the bodies they are in, to what they touch, and smoothly before and after."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bodies import posed
@@ -91,7 +93,8 @@ def test_no_hand_may_sink_below_the_lowest_skin():
     motion, skin = hand_in_belly()
     heights = [motion.positions[0, PERSON.index(f"{side}Wrist"), 1] - HAND for side in ("Left", "Right")]
     lowest = (skin.posed(motion)[..., 1] - skin.balls.cap_radii).min() * skin.unit  # the right hand's, or the belly's
-    floor = floor_below(skin.balls, skin.displaced, skin.posed(motion), 2, np.array([0.0, 1.0, 0.0]))
+    clip = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), frame_time=1.0 / RATE)
+    floor = floor_below(skin.balls, skin.displaced, skin.posed(motion), 2, clip)
     np.testing.assert_allclose(floor["above_floor"][0, :, 1] * skin.unit, np.array(heights) - lowest, atol=1e-9)
 
 

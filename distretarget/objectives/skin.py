@@ -21,6 +21,7 @@ from distretarget.ik.limb_bends import FADES, STEPS, TAU, bends
 from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
+from distretarget.numerics.moving import largest
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.time_series import Shots, smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
@@ -30,6 +31,7 @@ from distretarget.objectives.approach import with_hands_on_source_side
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_zones import APART, IS_HARD, ContactZones, gaps_of_pairs
+from distretarget.objectives.floor import FLOOR_SPAN
 from distretarget.objectives.mesh_gaps import false_overlap, mesh_correction
 from distretarget.objectives.sliding import stillness
 from distretarget.objectives.supports import Supports
@@ -191,7 +193,7 @@ def _source_contacts(
         limbs=limb_places(body, posed),
         free=free,
         soft=np.maximum(softness(balls, balls.pairs, in_source), pressed[:, zones.of_pair]),
-        **floor_below(balls, body.displaced, body.posed(posed), len(body.limbs), clip.up),
+        **floor_below(balls, body.displaced, body.posed(posed), len(body.limbs), clip),
         target_gaps=np.maximum(gaps, least),
         firmness=firmness,
         **anchors(clip.source, posed, skins, zones, in_source, firmness),
@@ -260,16 +262,17 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
     return free
 
 
-def floor_below(balls: Balls, displaced: Displaced, posed: Array, limbs: int, up: Array) -> dict[str, Array]:
+def floor_below(balls: Balls, displaced: Displaced, posed: Array, limbs: int, clip: Clip) -> dict[str, Array]:
     """The floor fields of `limb_terms.Frames`: no skin about the middle or the end of one of so many limbs sinks below
-    the lowest skin of the body, whose capsules end at `posed`, (frames, capsules, 2, 3).
+    the lowest skin of the body within `FLOOR_SPAN`. Its capsules end at `posed`, (frames, capsules, 2, 3).
     """
-    heights = posed @ up - balls.cap_radii
+    heights = posed @ clip.up - balls.cap_radii
+    floor = -largest(-heights.min(axis=(1, 2))[:, None], round(FLOOR_SPAN / clip.frame_time))[:, 0]
     above = np.empty((len(posed), limbs, 2))
     for limb, joint in np.ndindex(limbs, 2):
         on = (displaced.limbs == limb)[:, None] & (displaced.shares[..., joint] > LEAST_SHARE)
-        above[:, limb, joint] = heights[:, on].min(axis=1, initial=NEVER) - heights.min(axis=(1, 2))
-    return {"up": np.broadcast_to(up, (len(posed), 3)), "above_floor": above}
+        above[:, limb, joint] = heights[:, on].min(axis=1, initial=NEVER) - floor
+    return {"up": np.broadcast_to(clip.up, (len(posed), 3)), "above_floor": above}
 
 
 def how_touching(zones: ContactZones, gaps: Array) -> Array:

@@ -312,7 +312,7 @@ def _separated(
         limbs=bodies.limbs(posed),
         free=np.concatenate(free, axis=1),
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
-        **floor_below(balls, bodies.displaced, ends, len(limbs), clips[0].up),
+        **floor_below(balls, bodies.displaced, ends, len(limbs), clips[0]),
         target_gaps=zones.least(np.maximum(in_source, least)),
         firmness=touching,
         **_anchors_on_others(sources, bodies, [clip.source for clip in clips], posed, zones, in_source, touching),
