@@ -1,15 +1,18 @@
 """Limbs bend over time: out of the bodies they are in, to what they touch, and smoothly before and after."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from bodies import posed
-from test_displacement import PERSON, hand_in_belly, standing
+from test_displacement import HAND, PERSON, hand_in_belly, standing
 
 from distretarget.ik.limb_bends import FADES, TAU, _Path, bends
 from distretarget.ik.limb_terms import Frames, LimbWorkspace, write_terms
 from distretarget.numerics.vectors import normalised
 from distretarget.objectives.anchors import no_anchors
-from distretarget.skin.balls import segment_gaps
+from distretarget.objectives.skin import floor_below
+from distretarget.skin.balls import NEVER, segment_gaps
 from distretarget.skin.displacement import displacements
 from distretarget.skin.limbs import bent
 
@@ -23,8 +26,9 @@ def frames_of(skin, motion, firmness=0.0, free=1.0):
     limbs = np.stack([motion.positions[:, [*limb.joints]] for limb in skin.limbs], axis=1) / skin.unit
     none = np.zeros((count, pairs))
     firm = np.broadcast_to(np.reshape(firmness, (-1, 1)), none.shape)
-    free = np.full((count, len(skin.limbs), 2), free)
-    return Frames(skin.posed(motion), limbs, free, none, none, firm, **no_anchors(count, len(skin.limbs)))
+    free, up = np.full((count, len(skin.limbs), 2), free), np.tile([0.0, 1.0, 0.0], (count, 1))
+    moving = skin.posed(motion), limbs, free, none, up, np.full_like(free, NEVER)
+    return Frames(*moving, none, firm, **no_anchors(count, len(skin.limbs)))
 
 
 def solved(skin, motion, firmness=0.0, rate=RATE, **anchors):
@@ -72,6 +76,26 @@ def test_a_body_may_have_limbs_of_one_kind_alone(are_arms):
     start, _ = displacements(skin.balls, skin.displaced, *frames[:4])
     d = bends(skin.balls, skin.displaced, zones, frames, arms, start, shots, 1.0 / RATE, REACH)
     assert segment_gaps(skin.balls, skin.posed(bent(motion, skin.limbs, skin.unit * d)), 0.2).min() > -0.003
+
+
+def test_a_hand_leaves_the_belly_but_not_through_the_floor():
+    motion, skin = swinging(60)
+    d, gaps = solved(skin, motion)
+    up = -normalised(d[30, 0, 1])
+    floor = {"up": np.tile(up, (60, 1)), "above_floor": np.full((60, len(skin.limbs), 2), 0.01)}
+    on_floor, gaps_on_floor = solved(skin, motion, **floor)
+    assert (d @ up).min() < -0.02
+    assert (on_floor @ up).min() > -0.012
+    assert gaps_on_floor.min() > gaps.min() - 0.005
+
+
+def test_no_hand_may_sink_below_the_lowest_skin():
+    motion, skin = hand_in_belly()
+    heights = [motion.positions[0, PERSON.index(f"{side}Wrist"), 1] - HAND for side in ("Left", "Right")]
+    lowest = (skin.posed(motion)[..., 1] - skin.balls.cap_radii).min() * skin.unit  # the right hand's, or the belly's
+    clip = SimpleNamespace(up=np.array([0.0, 1.0, 0.0]), frame_time=1.0 / RATE)
+    floor = floor_below(skin.balls, skin.displaced, skin.posed(motion), 2, clip)
+    np.testing.assert_allclose(floor["above_floor"][0, :, 1] * skin.unit, np.array(heights) - lowest, atol=1e-9)
 
 
 def test_a_contact_is_closed_from_its_first_frame_to_its_last():
@@ -128,14 +152,23 @@ def tied(frames, draw):
 
 
 @pytest.mark.parametrize(
-    ("depth", "firmness", "free", "anchored"),
-    [(0.03, 0.0, 1.0, False), (-0.02, 0.7, 1.0, False), (0.004, 0.0, 0.3, False), (-0.05, 0.0, 1.0, True)],
+    ("depth", "firmness", "free", "anchored", "above_floor"),
+    [
+        (0.03, 0.0, 1.0, False, NEVER),
+        (-0.02, 0.7, 1.0, False, NEVER),
+        (0.004, 0.0, 0.3, False, NEVER),
+        (-0.05, 0.0, 1.0, True, NEVER),
+        (-0.05, 0.0, 1.0, False, -0.005),
+    ],
 )
-def test_slopes_are_those_of_the_energy(depth, firmness, free, anchored):
-    """Of a hand that is inside, of one that is drawn to a contact, of one that is held, and of one that is anchored."""
+def test_slopes_are_those_of_the_energy(depth, firmness, free, anchored, above_floor):
+    """Of a hand that is inside, of one that is drawn to a contact, of one that is held, of one that is anchored, and of
+    one below the floor.
+    """
     _, skin = hand_in_belly(depth)
     motion = standing({"LeftShoulder": [0, -1.2, 0], "LeftElbow": [0, -1.4, 0]})
     frames = Frames(*map(np.ascontiguousarray, frames_of(skin, motion, firmness, free)))
+    frames = frames._replace(above_floor=np.full_like(frames.free, above_floor))
     count, draw = len(skin.limbs), np.random.default_rng(0)
     frames = tied(frames, draw) if anchored else frames
     zones, columns = np.arange(len(skin.balls.pairs)), np.append(np.arange(count), -1)

@@ -1,4 +1,4 @@
-"""The terms of limbs in each frame, as their parts turn: gaps between skins, contacts, anchors, and joints at rest.
+"""The terms of limbs in each frame, as their parts turn: skins, contacts, anchors, the floor, and joints at rest.
 
 A term is a function of a residual r, such as a gap, that changes by n . x as a point of a limb moves by x. The point
 moves by shares of the displacements of the limb's middle and end, and these by the rotation vectors w of its upper and
@@ -30,6 +30,7 @@ SOFT = 0.01  # from the surface to this depth the stiffness of gaps grows from 0
 BOUND = 0.01  # from about this residual on, contacts and anchors pull with a constant force [body units]
 USER_REACH = 1.0  # contacts of a firmness above 1, which are the user's, pull up to this gap [body units]
 SHARED = 0.01  # pairs whose gap exceeds the least by less share a contact, which then moves smoothly [body units]
+FLOOR = 1e5  # of the floor, which yields to nothing: without displacements no limb is below it
 HELD = 0.01  # the least free share of a joint that rests
 
 
@@ -40,6 +41,8 @@ class Frames(NamedTuple):
     limbs: F4  # (frames, limbs, 3, 3), the top, the middle and the end of each limb
     free: F3  # (frames, limbs, 2), how far middle and end can move, 0 to 1
     soft: F2  # (frames, pairs), how far segments may overlap
+    up: F2  # (frames, 3), unit vectors
+    above_floor: F3  # (frames, limbs, 2), how far middle and end can sink
     target_gaps: F2  # (frames, zones), the gap of the contact of each zone
     firmness: F2  # (frames, zones), of these contacts, 0 to 1, above 1 for the user's; stiffness grows with its square
     anchor_offsets: F4  # (frames, limbs, anchors, 3), of the limb's point of contact from the start of the ray
@@ -102,6 +105,7 @@ def write_terms(
         e += _add_contacts(balls, displaced, zones, columns, gaps, w[t], found, reach, room, sums)
         anchors = frames.anchor_offsets[t], frames.anchor_rays[t], frames.anchor_weights[t], frames.anchor_shares[t]
         e += _add_anchors(anchors, columns, w[t], room, sums)
+        e += _add_floor(frames.up[t], frames.above_floor[t], columns, w[t], room, sums)
         energy[t] = e + _add_holds(frames.free[t], columns, w[t], room, sums)
 
 
@@ -244,6 +248,21 @@ def _add_holds(free, columns, w, room, sums):  # type: ignore[no-untyped-def]
                     k, r = 1.0 / (f * f) - 1.0, room.d[limb, point, i]
                     energy += 0.5 * k * r * r
                     _add_term(columns[limb], -1, k * r, k, room.rows, sums)
+    return energy
+
+
+@inlined(fastmath=True)
+def _add_floor(up, above_floor, columns, w, room, sums):  # type: ignore[no-untyped-def]
+    """Add the terms of middles and ends that sink farther than they can, and return their energy."""
+    energy = 0.0
+    for limb in range(len(w)):
+        for point in range(2 if columns[limb] >= 0 else 0):
+            d = room.d[limb, point]
+            depth = -(above_floor[limb, point] + up[0] * d[0] + up[1] * d[1] + up[2] * d[2])
+            if depth > 0.0:
+                energy += 0.5 * FLOOR * depth * depth
+                _write_rows(limb, 1.0 - point, 1.0 * point, up[0], up[1], up[2], w, room, 0)
+                _add_term(columns[limb], -1, -FLOOR * depth, FLOOR, room.rows, sums)
     return energy
 
 

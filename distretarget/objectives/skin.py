@@ -21,6 +21,7 @@ from distretarget.ik.limb_bends import FADES, STEPS, TAU, bends
 from distretarget.ik.limb_terms import Frames
 from distretarget.ik.poses import Chunk, chunks_of
 from distretarget.motion import Motion
+from distretarget.numerics.moving import largest
 from distretarget.numerics.parallel import in_threads
 from distretarget.numerics.time_series import Shots, by_shot, smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
@@ -30,14 +31,15 @@ from distretarget.objectives.approach import with_hands_on_source_side
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_zones import APART, IS_HARD, ContactZones, gaps_of_pairs
+from distretarget.objectives.floor import FLOOR_SPAN
 from distretarget.objectives.mesh_gaps import false_overlap, mesh_correction
 from distretarget.objectives.sliding import stillness
 from distretarget.objectives.supports import Supports
-from distretarget.skin.balls import Balls, mean_radii, segment_gaps
+from distretarget.skin.balls import NEVER, Balls, mean_radii, segment_gaps
 from distretarget.skin.capsules import GROUP, IS_ARM, SEGMENTS
 from distretarget.skin.displacement import least_displacements
 from distretarget.skin.limbs import Limb, bent
-from distretarget.skin.tangents import Displaced
+from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 # The most steps of each round of the solve, before which gaps are corrected by the mesh: its nearest points change as
@@ -185,11 +187,13 @@ def _source_contacts(
     firmness *= _by_limbs(body, zones, self_contact) * stillness(source, clip.source, ends, zones, touching, clip.shots)
     firmness[:, np.isin(zones.groups, GROUP[:-1][IS_ARM])] *= EACH_OF_TWO
     pressed = np.where(zones.are_hard, np.clip(-gaps, 0.0, -skins.least_gap), 0.0)
+    own_ends = body.posed(posed)
     frames = Frames(
-        posed=body.posed(posed),
+        posed=own_ends,
         limbs=limb_places(body, posed),
         free=free,
         soft=np.maximum(softness(balls, balls.pairs, in_source), pressed[:, zones.of_pair]),
+        **floor_below(balls, body.displaced, own_ends, len(body.limbs), clip),
         target_gaps=np.maximum(gaps, skins.least_gap),
         firmness=firmness,
         **anchors(clip.source, posed, skins, zones, in_source, firmness),
@@ -257,6 +261,19 @@ def how_free(clip: Clip, body: BodySkin, supports: Supports, settings: ContactSe
         if limb.top in {leg.hip for leg in clip.target_legs or ()}:
             free[:, number, 1] = 0.0
     return free
+
+
+def floor_below(balls: Balls, displaced: Displaced, posed: Array, limbs: int, clip: Clip) -> dict[str, Array]:
+    """The floor fields of `limb_terms.Frames`: no skin about the middle or the end of one of so many limbs sinks below
+    the lowest skin of the body within `FLOOR_SPAN`. Its capsules end at `posed`, (frames, capsules, 2, 3).
+    """
+    heights = posed @ clip.up - balls.cap_radii
+    floor = -largest(-heights.min(axis=(1, 2))[:, None], round(FLOOR_SPAN / clip.frame_time))[:, 0]
+    above = np.empty((len(posed), limbs, 2))
+    for limb, joint in np.ndindex(limbs, 2):
+        on = (displaced.limbs == limb)[:, None] & (displaced.shares[..., joint] > LEAST_SHARE)
+        above[:, limb, joint] = heights[:, on].min(axis=1, initial=NEVER) - floor
+    return {"up": np.broadcast_to(clip.up, (len(posed), 3)), "above_floor": above}
 
 
 def how_touching(zones: ContactZones, gaps: Array) -> Array:

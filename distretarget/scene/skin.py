@@ -27,7 +27,15 @@ from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_zones import APART, ContactZones, gaps_of_pairs
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
-from distretarget.objectives.skin import how_free, how_touching, limb_displacements, limb_places, nearness, softness
+from distretarget.objectives.skin import (
+    floor_below,
+    how_free,
+    how_touching,
+    limb_displacements,
+    limb_places,
+    nearness,
+    softness,
+)
 from distretarget.objectives.supports import BLEND
 from distretarget.pipeline.options import SkinMode
 from distretarget.pipeline.performer import Performer
@@ -302,11 +310,13 @@ def _separated(
     limbs, touching = [limb for skin in bodies.skins for limb in skin.limbs], clips[0].averaged(touching, BLEND)
     can_move = np.concatenate(free, axis=1)
     posed, anchors = _hands_on_others(clips, sources, bodies, posed, zones, in_source, touching, can_move)
+    ends = bodies.posed(posed)
     frames = Frames(
-        posed=bodies.posed(posed),
+        posed=ends,
         limbs=bodies.limbs(posed),
         free=can_move,
         soft=np.where(one == other, np.maximum(soft, -gaps), soft),  # own parts are apart already
+        **floor_below(balls, bodies.displaced, ends, len(limbs), clips[0]),
         target_gaps=zones.least(np.maximum(in_source, least)),
         firmness=touching,
         **anchors,
