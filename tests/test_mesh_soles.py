@@ -133,7 +133,7 @@ def test_on_the_same_rig_legs_and_trunk_stay_wherever_feet_are(factor):
     hero = load_target(HERO)
     clip = retarget(sample("walk"), hero).motion
     body, turns = Body.of(clip.skeleton), np.array(clip.rotations)
-    feet, arms = [leg.ankle for leg in body.legs], [body.skeleton.subtree(arm.shoulder) for arm in body.arms]
+    feet, arms = [leg.ankle for leg in body.legs], [body.skeleton.subtree(arm.top) for arm in body.arms]
     turns[:, feet] = (
         (Rotation.from_quat(turns[:, feet].reshape(-1, 4)) * Rotation.from_euler("X", 6, degrees=True))
         .as_quat()
