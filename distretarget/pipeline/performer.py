@@ -74,14 +74,24 @@ class Transfer:
 
 def match_performer(transfer: Transfer) -> Match:
     """Match a source to its target; errors as in `retarget`."""
-    goal, options, builds = transfer.goal, transfer.options, transfer.builds
+    matched = _match_joints(transfer)
+    has_skin = transfer.options.objective != "paper" and transfer.options.skin != "none"
+    return _with_skins(matched, transfer) if has_skin else matched
+
+
+def _match_joints(transfer: Transfer) -> Match:
+    """The match of a source to its target, without skins."""
+    goal, options = transfer.goal, transfer.options
     _check(transfer.source, goal.skeleton)
     pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
-    source = without_exported_ends(transfer.source, goal.skeleton, named)
-    rest = transfer.rest and without_exported_ends(transfer.rest, goal.skeleton, named)
-    source_body = Body.of_motion(without_twins(source, named)).with_hips_at_thighs
-    source_body = source_body if rest is None else source_body.standing_as(without_twins(rest, named))
+
+    def repaired(motion: Motion) -> Motion:
+        return without_twins(without_exported_ends(motion, goal.skeleton, named), named)
+
+    source_body = Body.of_motion(repaired(transfer.source)).with_hips_at_thighs
+    if transfer.rest is not None:
+        source_body = source_body.standing_as(repaired(transfer.rest))
     body = Body.of(goal.skeleton, goal.motion)
     hips = body.shift_to_thighs
     if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
@@ -90,16 +100,22 @@ def match_performer(transfer: Transfer) -> Match:
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(source_body, body, **ups, root_offset=options.root_offset)
     matching = match(straightened(world.to_target_axes(source_body), body), body.with_up(world.up), pairs)
-    has_skin = options.objective != "paper" and options.skin != "none"
-    mesh = _bare(goal) if has_skin and not builds.target else None
-    source_build = builds.source or (_build_of_rig(matching, goal, mesh, transfer) if has_skin else None)
-    skins = _find_skins(matching, goal, source_build, transfer) if has_skin else None
-    mesh = mesh if skins else None
-    source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
-    skins = skins and skins.on_meshes(source_mesh, None if hips else mesh, matching)
-    matching = matching.with_mesh_soles(mesh)
     other_parents = (body.skeleton.parents != goal.skeleton.parents).any()
-    found = Match(world, matching, skins, mesh, source_mesh, goal.skeleton if other_parents else None, hips)
+    return Match(world, matching, skeleton=goal.skeleton if other_parents else None, hips=hips)
+
+
+def _with_skins(matched: Match, transfer: Transfer) -> Match:
+    """The match with the skins of both bodies, if they are known, and with the soles that these show."""
+    goal, builds, matching = transfer.goal, transfer.builds, matched.matching
+    mesh = None if builds.target else _bare(goal)
+    source_build = builds.source or _build_of_rig(matching, goal, mesh, transfer)
+    skins = _find_skins(matching, goal, source_build, transfer)
+    if skins is None:
+        return matched
+    source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
+    skins = skins.on_meshes(source_mesh, None if matched.hips else mesh, matching)
+    matching = matching.with_mesh_soles(mesh)
+    found = replace(matched, matching=matching, skins=skins, mesh=mesh, source_mesh=source_mesh)
     if found.undersides is not None and found.undersides.feet_on_mesh:
         return replace(found, matching=matching.with_resting_soles)
     return found

@@ -358,18 +358,24 @@ def _hands_on_others(
             ties = [anchor_weight(bodies.balls.pairs, zones, *both, in_source, firmness) for both in ends]
             at, weights = np.s_[:, firsts[i] + limb, j * kinds : (j + 1) * kinds], np.stack(ties, axis=1)
             fields["anchor_offsets"][at], fields["anchor_rays"][at], fields["anchor_weights"][at] = off, out, weights
-            radial = off - (off * along).sum(axis=2, keepdims=True) * along
-            distances = lengths(radial)
-            cosines = (radial * out).sum(axis=2) / np.maximum(distances, LEAST)
-            aside = weights * smoothstep(1.0 - cosines / SAME_SIDE)
-            share = clips[i].averaged(clips[i].widened(aside, LEAD), LEAD)
-            share *= free[:, firsts[i] + limb, 1, None]
-            by = (share[..., None] * (distances[..., None] * out - radial)).sum(axis=1)
+            by = _to_side(clips[i], off, out, along, weights) * free[:, firsts[i] + limb, 1, None]
             moved[i][:, limb] += reaching(posed[i], other.limbs[limb], by, 0.0 * by)
     moved = [clip.averaged(each, STEADY) for clip, each in zip(clips, moved, strict=True)]
     fields["anchor_offsets"] += np.concatenate(moved, axis=1)[:, :, None, 1]
     fields["anchor_offsets"] /= bodies.unit
     return [bent(motion, skin.limbs, by) for motion, skin, by in zip(posed, bodies.skins, moved, strict=True)], fields
+
+
+def _to_side(clip: Clip, off: Array, out: Array, along: Array, weights: Array) -> Array:
+    """The displacement, (frames, 3), of a point that is `off` axes `along` parts, round these to the directions `out`,
+    (frames, parts, 3) each, as far as it is on another side; `weights` are (frames, parts).
+    """
+    radial = off - (off * along).sum(axis=2, keepdims=True) * along
+    distances = lengths(radial)
+    cosines = (radial * out).sum(axis=2) / np.maximum(distances, LEAST)
+    share = clip.widened(weights * smoothstep(1.0 - cosines / SAME_SIDE), LEAD)
+    turned = distances[..., None] * out - radial
+    return np.asarray((clip.averaged(share, LEAD)[..., None] * turned).sum(axis=1))
 
 
 def _middle(skin: BodySkin, motion: Motion, segment: int) -> Array:
