@@ -43,8 +43,8 @@ from distretarget.skin.tangents import LEAST_SHARE, Displaced
 
 TOUCH = 0.01  # parts touch up to this gap, and from `APART` on they do not [body units]
 # The most steps of each round of the solve, before which gaps are corrected by the mesh: its nearest points change as
-# limbs move. More rounds of fewer steps keep skin out better than fewer rounds that converge.
-ROUNDS = (4, 4, 8)
+# limbs move. Fewer steps leave hands short of what they touch if that is far.
+ROUNDS = (8, 8, 8)
 EACH_OF_TWO = np.sqrt(0.5)  # two arms in contact are two zones, each with half the stiffness, which is firmness squared
 BY_USER = 2.0  # the firmness of user contacts relative to others
 REACH = 0.3  # skins farther apart than this in the result, half an arm, are not drawn together [body units]
