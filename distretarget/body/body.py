@@ -35,9 +35,7 @@ RISES = 0.05  # a body that stands along an axis in more of the frames than this
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
-FAR = (
-    0.5  # a hips joint farther than this from the middle of the hip joints is elsewhere, as on the floor [leg lengths]
-)
+FAR = 0.5  # a hips joint farther than this from the middle of the hip joints is elsewhere [leg lengths]
 CLEAR_FEET = 0.3  # feet show the sides if their mean cosine with the front or back is larger than this [cosine]
 
 

@@ -134,7 +134,7 @@ def _top_down(parents: Mapping[int, int]) -> list[int]:
     return joints
 
 
-# ---- twins
+# ---- End Sites
 
 
 def without_ends(motion: Motion) -> Motion:
@@ -149,7 +149,7 @@ def without_exported_ends(source: Motion, target: Skeleton, kept: Collection[str
     skeleton, keys = source.skeleton, {*target.keys}
     numbers = {key: joint for joint, key in enumerate(skeleton.keys)}
     others = np.array([joint for key, joint in numbers.items() if key not in keys], np.intp)
-    if not keys <= numbers.keys() or not skeleton.end_sites[others].all():
+    if not len(others) or not keys <= numbers.keys() or not skeleton.end_sites[others].all():
         return source
     places = skeleton.rest_positions[[numbers[key] for key in target.keys]]
     if not same_up_to_scale(pdist(places), pdist(target.rest_positions)):
@@ -165,6 +165,9 @@ def _without(motion: Motion, leaves: Numbers) -> Motion:
         return motion
     parents = {joint: skeleton.parents.item(joint) for joint in left}
     return reparented(skeleton, parents, dict(enumerate(skeleton.channels))).motion(motion)
+
+
+# ---- twins
 
 
 def without_twins(motion: Motion, kept: Collection[str] = ()) -> Motion:

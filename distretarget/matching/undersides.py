@@ -200,9 +200,8 @@ class Undersides:
     target: Underside
     # the mean `thickness` of both feet, for source and target [file units]; 0 without legs
     soles: tuple[float, float]
-    feet_on_mesh: (
-        bool  # whether the target's feet stand on its mesh: it shows both soles, and the source is another rig
-    )
+    # whether the target's feet stand on its mesh: it shows both soles, and the source is another rig
+    feet_on_mesh: bool
 
     @classmethod
     def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:

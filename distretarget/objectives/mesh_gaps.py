@@ -68,7 +68,7 @@ def false_overlap(
 ) -> Array:
     """Return how far the capsules of hands and forearms overlap others in a motion while the gap of the mesh is at
     least `least`, (frames, zones) [body units]; where it is less, less twice the difference, at least 0; 0 without a
-    mesh. If capsules may overlap by this, limbs whose mesh sinks in nowhere do not move. Arguments as
+    mesh. If capsules may overlap by this, limbs whose mesh sinks in no deeper do not move. Other arguments as
     `mesh_correction`.
     """
     if body.surface is None:

@@ -146,10 +146,6 @@ def _displaced(
     bend = partial(limb_displacements, body.balls, body.displaced, zones)
     if body.surface is None:
         return bend(frames, body.limbs, *shots, REACH)
-
-    def softer(by: Array) -> Array:
-        return np.where(are_hard, frames.soft + by[:, zones.of_pair], frames.soft)
-
     overlap = false_overlap(body, zones, pairs, posed, first, skins.least_gap)
     # The mesh of an arm that has passed through another arm is outside of it, too: the source's has to be as well.
     on_arms = np.isin(zones.groups, GROUP[:-1][IS_ARM])
@@ -164,7 +160,8 @@ def _displaced(
         now = bent(posed, body.limbs, body.unit * d)
         farther = -corrected(body, zones=zones, motion=now, touching=frames.firmness, overlap=overlap)
         farther[:, found:] = 0.0
-        on_mesh = frames._replace(soft=softer(farther), target_gaps=frames.target_gaps - farther)
+        soft = np.where(are_hard, frames.soft + farther[:, zones.of_pair], frames.soft)
+        on_mesh = frames._replace(soft=soft, target_gaps=frames.target_gaps - farther)
         d = bend(on_mesh, body.limbs, *shots, REACH, d, steps)
     return d
 

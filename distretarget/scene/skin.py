@@ -367,8 +367,9 @@ def _hands_on_others(
 
 
 def _to_side(clip: Clip, off: Array, out: Array, along: Array, weights: Array) -> Array:
-    """The displacement, (frames, 3), of a point that is `off` axes `along` parts, round these to the directions `out`,
-    (frames, parts, 3) each, as far as it is on another side; `weights` are (frames, parts).
+    """The displacement, (frames, 3), that turns a point round the axes of parts to the directions `out`, where it is
+    on another side. `off` are its offsets from the axes, `along` the directions of these, (frames, parts, 3) each;
+    `weights` are (frames, parts).
     """
     radial = off - (off * along).sum(axis=2, keepdims=True) * along
     distances = lengths(radial)
