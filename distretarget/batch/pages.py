@@ -5,7 +5,6 @@ from __future__ import annotations
 import io
 import math
 import os
-import os.path
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
