@@ -143,8 +143,8 @@ def without_ends(motion: Motion) -> Motion:
 
 
 def without_exported_ends(source: Motion, target: Skeleton, kept: Collection[str] = ()) -> Motion:
-    """Return a source without the End Sites that the target does not have if its other joints are those of the target,
-    at the same distances from each other up to scale, as exporters add them; but for `kept` ones.
+    """Return a source without End Sites that an exporter added to the target's rig: those that the target does not have,
+    if all other joints are the target's, at the same distances from each other up to scale. The `kept` ones stay.
     """
     skeleton, keys = source.skeleton, {*target.keys}
     numbers = {key: joint for joint, key in enumerate(skeleton.keys)}

@@ -154,7 +154,7 @@ class Matching:
 
     @rig_property
     def is_same_rig(self) -> bool:
-        """Whether the joints with drivers have the same parents and, up to scale, the same rest positions as those."""
+        """Whether drivers have the parents and, up to scale, the rest positions of the joints that they drive."""
         source, target = self.source.skeleton, self.target.skeleton
         driven = np.flatnonzero(self.drivers >= 0)
         drivers, above = self.drivers[driven], target.parents[driven]

@@ -66,10 +66,10 @@ def mesh_correction(
 def false_overlap(
     body: BodySkin, zones: ContactZones, pairs: Numbers, motion: Motion, first: int, least: float
 ) -> Array:
-    """Return how far the capsules of hands and forearms overlap others in a motion while the gap of the mesh is at
-    least `least`, (frames, zones) [body units]; where it is less, less twice the difference, at least 0; 0 without a
-    mesh. If capsules may overlap by this, limbs whose mesh sinks in no deeper do not move. Other arguments as
-    `mesh_correction`.
+    """Return how far the capsules of hands and forearms overlap others in a motion although the gap of the mesh is at
+    least `least`, (frames, zones) [body units]. Where the gap is smaller, twice the difference is subtracted, down to
+    0; without a mesh it is 0. If capsules may overlap by this, limbs whose mesh is no deeper do not move. Other
+    arguments as in `mesh_correction`.
     """
     if body.surface is None:
         return np.zeros((len(motion), len(zones.limbs)))
