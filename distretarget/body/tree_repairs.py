@@ -143,7 +143,7 @@ def without_ends(motion: Motion) -> Motion:
 
 
 def without_exported_ends(source: Motion, target: Skeleton, kept: Collection[str] = ()) -> Motion:
-    """Return a source without End Sites that an exporter added to the target's rig: those that the target does not have,
+    """Return a source without End Sites that an exporter added to the target's rig: those that the target has not,
     if all other joints are the target's, at the same distances from each other up to scale. The `kept` ones stay.
     """
     skeleton, keys = source.skeleton, {*target.keys}
