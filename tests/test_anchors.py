@@ -8,15 +8,15 @@ from scipy.spatial.transform import Rotation
 from distretarget import Options, load_target, retarget
 from distretarget.objectives.anchors import anchors
 from distretarget.objectives.body_skin import Skins
-from distretarget.objectives.contact_zones import ContactZones
-from distretarget.objectives.part_axes import PARTS, Axes, rays
+from distretarget.objectives.contact_zones import APART, ContactZones
+from distretarget.objectives.part_axes import IS_ROUND, PARTS, Axes, rays
 from distretarget.objectives.skin import how_touching
 from distretarget.skin.capsules import GROUP, SEGMENTS
 
 
-def axes():
+def axes(seed=0):
     """Axes of parts, with lengths from 1 to 2."""
-    rng = np.random.default_rng(0)
+    rng = np.random.default_rng(seed)
     shape = (5, len(PARTS))
     turns = Rotation.from_quat(rng.normal(size=(5 * len(PARTS), 4))).as_matrix().reshape(*shape, 3, 3)
     return Axes(rng.normal(size=(*shape, 3)), turns, rng.uniform(1.0, 2.0, shape))
@@ -39,12 +39,13 @@ def test_touching_points_are_on_rays_that_move_with_the_body_and_do_not_depend_o
     others, turned, _ = rays(one, moved, touching)
     np.testing.assert_allclose(turn.apply(places.reshape(-1, 3)).reshape(places.shape) + shift, others, atol=1e-12)
     np.testing.assert_allclose(turn.apply(out.reshape(-1, 3)).reshape(out.shape), turned, atol=1e-12)
-    axis = one.starts + 0.4 * one.lengths[..., None] * one.directions[:, :, 0]
+    share = np.where(IS_ROUND, 0.0, 0.4)
+    axis = one.starts + (share * one.lengths)[..., None] * one.directions[:, :, 0]
     for size in (0.1, 5.0):
         start, direction, heights = rays(one, one, (axis + size * one.directions[:, :, 2])[:, None])
         np.testing.assert_allclose(start[:, 0], axis, atol=1e-12)
         np.testing.assert_allclose(direction[:, 0], one.directions[:, :, 2], atol=1e-12)
-        np.testing.assert_allclose(heights, 0.4)
+        np.testing.assert_allclose(heights[:, 0], share + np.zeros((5, 1)), atol=1e-12)
     same, touching = axes(), points()
     places, out, heights = rays(same, same, touching)
     by = touching - places
@@ -65,13 +66,13 @@ def skinned(target="child.json", clip="clap"):
     return result.skins.target, result.motion
 
 
-def touching_all(skin, motion, limb, place):
-    """The fields of anchors where one limb touches a place in all frames, on the same body."""
+def touching_all(skin, motion, limb, place, gap=0.0):
+    """The fields of anchors on the same body where one limb touches a place in all frames, with a gap of capsules."""
     pairs = skin.balls.pairs
     zones = ContactZones.of(pairs[:, 0], GROUP[pairs[:, 1]])
     firm = (zones.limbs == SEGMENTS.index(limb)) & (zones.groups == GROUP[SEGMENTS.index(place)])
     firmness = np.tile(firm.astype(float), (len(motion), 1))
-    gaps = np.where(pairs[:, 1] == SEGMENTS.index(place), 0.0, 0.05) + np.zeros((len(motion), 1))
+    gaps = np.where(pairs[:, 1] == SEGMENTS.index(place), gap, 0.05) + np.zeros((len(motion), 1))
     return anchors(motion, motion, Skins(skin, skin), zones, gaps, firmness)
 
 
@@ -81,7 +82,7 @@ def test_hands_on_hips_of_a_character_stay_on_the_same_character():
     np.testing.assert_allclose(retarget(clip, hero).motion.positions, clip.positions, atol=1e-5)
 
 
-@pytest.mark.parametrize(("limb", "place"), [("left hand", "belly"), ("right hand", "left upper arm")])
+@pytest.mark.parametrize(("limb", "place"), [("left hand", "pelvis"), ("right hand", "left upper arm")])
 def test_on_the_same_body_what_touches_is_at_its_anchor(limb, place):
     skin, motion = skinned()
     fields = touching_all(skin, motion, limb, place)
@@ -89,6 +90,12 @@ def test_on_the_same_body_what_touches_is_at_its_anchor(limb, place):
     assert tied.any()
     off, out = fields["anchor_offsets"][tied], fields["anchor_rays"][tied]
     np.testing.assert_allclose(np.linalg.norm(off, axis=1)[:, None] * out, off, atol=1e-9)
+
+
+def test_parts_that_are_apart_have_no_anchor():
+    skin, motion = skinned()
+    assert touching_all(skin, motion, "left hand", "pelvis", gap=0.9 * APART)["anchor_weights"].any()
+    assert not touching_all(skin, motion, "left hand", "pelvis", gap=APART)["anchor_weights"].any()
 
 
 def test_places_of_the_other_arm_move_with_it():
@@ -107,6 +114,21 @@ def test_places_of_the_other_arm_move_with_it():
 def test_hands_lie_on_hips_at_the_place_of_the_source_and_nearer_to_it_than_in_the_copy(clip):
     metrics = sample_run(clip).metrics
     assert metrics["result"]["touch_place"] < 0.75 * metrics["rotation_copy"]["touch_place"]
+
+
+def test_a_place_on_a_head_is_its_direction_from_the_middle_wherever_the_joint_is():
+    head, touching = [*PARTS].index("head"), points(hands=1)
+    one, other = axes(), axes(seed=2)
+    starts, out, _ = (each[:, 0, head] for each in rays(one, other, touching))
+    np.testing.assert_allclose(starts, other.starts[:, head])
+    of_source, of_target = (
+        np.einsum("fij,fj->fi", each.directions[:, head], off)
+        for each, off in ((one, touching[:, 0, head] - one.starts[:, head]), (other, out))
+    )
+    np.testing.assert_allclose(of_source / np.linalg.norm(of_source, axis=1)[:, None], of_target, atol=1e-12)
+    skin, motion = skinned()
+    ends = skin.unit * skin.posed(motion)[:, skin.capsules.segments == SEGMENTS.index("head")]
+    np.testing.assert_allclose(skin.landmarks.axes(motion).starts[:, head], ends.mean(axis=(1, 2)), atol=1e-9)
 
 
 def test_landmarks_of_both_skins_are_upright_where_the_body_stands():

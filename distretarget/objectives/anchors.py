@@ -13,7 +13,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers
 from distretarget.objectives.body_skin import BodySkin, Skins
-from distretarget.objectives.contact_zones import ContactZones
+from distretarget.objectives.contact_zones import APART, ContactZones
 from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
 from distretarget.skin.balls import ball_gaps
 from distretarget.skin.capsules import SEGMENTS
@@ -132,6 +132,7 @@ def anchor_weight(
     found = np.zeros(len(firmness))
     for zone in np.unique(zones.of_pair[on]):
         own = zones.of_pair == zone
-        farther = in_source[:, on & own].min(axis=1) - in_source[:, own].min(axis=1)
-        found = np.maximum(found, firmness[:, zone] * smoothstep(1.0 - farther / NEARER))
+        gap = in_source[:, on & own].min(axis=1)
+        nearest = smoothstep(1.0 - (gap - in_source[:, own].min(axis=1)) / NEARER)
+        found = np.maximum(found, firmness[:, zone] * nearest * (gap < APART))
     return np.asarray(found)

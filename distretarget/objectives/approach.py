@@ -113,13 +113,14 @@ class _Hands:
         head = body.capsules.segments == HEAD
         if not head.any() or body.landmarks is None:
             return None
-        ends, axes = body.posed(motion), body.landmarks.axes(motion).directions
+        ends, axes = body.posed(motion), body.landmarks.axes(motion)
         places = {limb: body.unit * body.centres(ends, segment).mean(axis=1) for limb, segment in segments.items()}
-        of_head, of_trunk = (axes[:, [*PARTS].index(part)] for part in ("head", "trunk"))
-        middle = body.unit * ends[:, head].mean(axis=(1, 2))
-        centres = [_Centre(middle, of_head, float(body.capsules.radii[head].mean()), is_of_head=True)]
+        on_head, on_trunk = map([*PARTS].index, ("head", "trunk"))
+        radius = float(body.capsules.radii[head].mean())
+        centres = [_Centre(axes.starts[:, on_head], axes.directions[:, on_head], radius, is_of_head=True)]
         if len(places) == 2:
             radii = [body.balls.radii[body.balls_of(segment)].mean() for segment in segments.values()]
             middle = np.mean([*places.values()], axis=0)
-            centres.append(_Centre(middle, of_trunk, body.unit * float(np.mean(radii)), is_of_head=False))
+            radius = body.unit * float(np.mean(radii))
+            centres.append(_Centre(middle, axes.directions[:, on_trunk], radius, is_of_head=False))
         return cls(places, tuple(centres), body.unit)

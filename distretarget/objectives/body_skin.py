@@ -71,8 +71,8 @@ class BodySkin:
         balls = _overlapping(balls, overlap.of_balls, capsules)
         balls.gap_offsets[(moving**2).sum(axis=1) < LEAST_SHARE**2] = NEVER
         mutual = np.equal(*IS_ARM[balls.pairs].T)  # arms displace arms and legs displace legs, but arms no legs
-        head = capsules.radii[capsules.segments == SEGMENTS.index("head")]
-        tips = [2.0 * float(head.mean()) if head.size else 0.0]
+        head = capsules.segments == SEGMENTS.index("head")
+        tips = [2.0 * float(capsules.radii[head].mean()) if head.any() else 0.0]
         for side in SIDES:
             hand, wrist = posed[capsules.segments == SEGMENTS.index(f"{side} hand")], body.roles.get(f"{side}Hand")
             known = len(hand) and wrist is not None
@@ -84,7 +84,7 @@ class BodySkin:
             displaced=Displaced(of_capsule, shares, mutual),
             of_joint=np.array(of_joint, np.intp),
             overlap=overlap,
-            landmarks=Landmarks.of(body, tips),
+            landmarks=Landmarks.of(body, posed[head], tips),
             unit=body.unit,
         )
 

@@ -2,7 +2,8 @@
 
 A point of contact on a part is given by its height along the part's axis, in lengths of the axis, and its angle round
 the axis. On another body, the same height and angle are a ray out of the part's axis; a contact on that ray is at the
-same place of the body, however thick the part is.
+same place of the body, however thick the part is. On a head it is given by its direction from the middle, as rigs have
+the joint of the head at different places of it.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ PARTS |= {"head": ("head", "neck")}  # each with its segments
 ARM_PARTS = tuple(f"{side} {part}" for side in SIDES for part in ("upper arm", "forearm"))
 ARM_PARTS += tuple(f"{side} hand" for side in SIDES)
 PARTS |= {part: (part,) for part in ARM_PARTS}
+IS_ROUND = np.array([part == "head" for part in PARTS])  # parts with rays from their middle, not from an axis
 ARMS = tuple((f"{side}UpperArm", f"{side}LowerArm", f"{side}Hand") for side in SIDES)
 ROLES = ("leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg", "head", *ARMS[0], *ARMS[1])
 
@@ -32,7 +34,7 @@ ROLES = ("leftUpperLeg", "rightUpperLeg", "leftLowerLeg", "rightLowerLeg", "head
 class Axes(NamedTuple):
     """The axes of the parts of a body, in the order of `PARTS`."""
 
-    starts: Array  # (frames, parts, 3), where each axis begins [file units]
+    starts: Array  # (frames, parts, 3), where each axis begins, and the middle of the head [file units]
     directions: Array  # (frames, parts, 3, 3), unit vectors along it, to the part's front and to its left, as rows
     lengths: Array  # (frames, parts) [file units]
 
@@ -41,6 +43,7 @@ class Tip(NamedTuple):
     """A part at the end of a chain, without a joint at its far end: the head, or a hand."""
 
     joint: int  # that moves it
+    start: Array  # (3,), of its axis from the joint while this is not turned [file units]
     axes: Array  # (3, 3), its directions, as rows, while its joint is not turned
     length: float  # [file units]
 
@@ -54,8 +57,10 @@ class Landmarks:
     fronts: Mapping[str, Array]  # (3,), front of each upper arm and forearm while its joint is not turned, by role
 
     @classmethod
-    def of(cls, body: Body, lengths: Sequence[float]) -> Landmarks | None:
-        """Return the landmarks of a body with these lengths of head and hands; None if it lacks any but the hands."""
+    def of(cls, body: Body, head: Array, lengths: Sequence[float]) -> Landmarks | None:
+        """Return the landmarks of a body; None if it lacks any but the hands. `head`, (capsules, 2, 3), are the ends of
+        the head's capsules in the body's reference pose, and `lengths` those of head and hands [file units].
+        """
         roles, pose = body.roles, body.reference
         if not roles.keys() >= {*ROLES} or lengths[0] <= 0.0:
             return None
@@ -65,20 +70,23 @@ class Landmarks:
             return Rotation.from_quat(pose.rotations[roles[role]]).inv().apply(np.stack(directions))
 
         axes = [unturned("head", up, front, np.cross(up, front))]
+        starts = [*unturned("head", head.mean(axis=(0, 1)) - pose.positions[roles["head"]]), np.zeros(3), np.zeros(3)]
         for _, middle, end in ARMS:
             along = (pose.positions[roles[end]] - pose.positions[roles[middle]])[None]
             axes.append(unturned(end, *_directions(along, np.cross(along, front))[0]))
         joints = [roles[role] for role in ("head", *(arm[-1] for arm in ARMS))]
         fronts = {role: unturned(role, front)[0] for arm in ARMS for role in arm[:2]}
-        return cls({role: roles[role] for role in ROLES}, tuple(map(Tip, joints, axes, lengths)), fronts)
+        return cls({role: roles[role] for role in ROLES}, tuple(map(Tip, joints, starts, axes, lengths)), fronts)
 
     def axes(self, motion: Motion) -> Axes:
         """Return the axes in each frame of a motion."""
         at = {role: motion.positions[:, joint] for role, joint in self.joints.items()}
         hips, arms = (0.5 * (at[f"left{part}"] + at[f"right{part}"]) for part in ("UpperLeg", "UpperArm"))
         across = at["leftUpperArm"] - at["rightUpperArm"], at["leftUpperLeg"] - at["rightUpperLeg"]
-        of_tips = [np.einsum("fij,kj->fki", _matrices(motion, tip.joint), tip.axes) for tip in self.tips]
-        starts = [hips, at["leftUpperLeg"], at["rightUpperLeg"], at["head"]]
+        turns = [Rotation.from_quat(motion.world_rotations_of(tip.joint)).as_matrix() for tip in self.tips]
+        of_tips = [np.einsum("fij,kj->fki", turn, tip.axes) for turn, tip in zip(turns, self.tips, strict=True)]
+        head = at["head"] + turns[0] @ self.tips[0].start
+        starts = [hips, at["leftUpperLeg"], at["rightUpperLeg"], head]
         ends = [arms, at["leftLowerLeg"], at["rightLowerLeg"]]
         bones, sides = [end - start for start, end in zip(starts, ends, strict=False)], across[:1] + 2 * across[1:]
         directions = [*map(_directions, bones, sides), of_tips[0]]
@@ -96,11 +104,6 @@ class Landmarks:
         return Axes(np.stack(starts, axis=1), np.stack(directions, axis=1), np.stack(sizes, axis=1))
 
 
-def _matrices(motion: Motion, joint: int) -> Array:
-    """(frames, 3, 3), the world rotations of a joint."""
-    return Rotation.from_quat(motion.world_rotations_of(joint)).as_matrix()
-
-
 def _directions(along: Array, left: Array) -> Array:
     """(frames, 3, 3), the unit vectors along an axis, to its front and to its left, as rows."""
     along = normalised(along)
@@ -110,12 +113,13 @@ def _directions(along: Array, left: Array) -> Array:
 
 def rays(source: Axes, target: Axes, touching: Array) -> tuple[Array, Array, Array]:
     """Return the rays on the target for points of contact on the source, (frames, hands, parts, 3) [file units]: their
-    starts on the target's axes and their directions, of the same shape, and the heights along the axes, (frames, hands,
-    parts) [lengths of the axes].
+    starts on the target's axes and their directions, of the same shape, and the heights of the starts along the axes,
+    (frames, hands, parts) [lengths of the axes].
     """
     off = touching - source.starts[:, None]
     along, front, left = np.moveaxis(np.einsum("fpij,fhpj->fhpi", source.directions, off), 3, 0)
-    heights = along / np.maximum(source.lengths, np.finfo(float).tiny)[:, None]
+    heights = np.where(IS_ROUND, 0.0, along / np.maximum(source.lengths, np.finfo(float).tiny)[:, None])
     to_places = (heights * target.lengths[:, None])[..., None] * target.directions[:, None, :, 0]
-    out = front[..., None] * target.directions[:, None, :, 1] + left[..., None] * target.directions[:, None, :, 2]
+    by = np.stack([np.where(IS_ROUND, along, 0.0), front, left], axis=3)
+    out = np.einsum("fhpi,fpij->fhpj", by, target.directions)
     return target.starts[:, None] + to_places, normalised(out), heights

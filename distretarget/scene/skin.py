@@ -26,7 +26,7 @@ from distretarget.objectives.approach import LEAD, STEADY
 from distretarget.objectives.body_skin import BodySkin, Skins
 from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_zones import APART, ContactZones, gaps_of_pairs
-from distretarget.objectives.part_axes import ARM_PARTS, PARTS, rays
+from distretarget.objectives.part_axes import ARM_PARTS, IS_ROUND, PARTS, rays
 from distretarget.objectives.skin import (
     floor_below,
     how_free,
@@ -349,7 +349,7 @@ def _hands_on_others(
         if touched is None or own is None:
             continue
         axes = touched.axes(clips[j].source), own.axes(posed[j])
-        along = axes[1].directions[:, :kinds, 0]
+        along = np.where(IS_ROUND[:kinds, None], 0.0, axes[1].directions[:, :kinds, 0])
         for limb, (hand, *_) in shared_hands(one, other).items():
             points, now = _middle(one, clips[i].source, hand), _middle(other, posed[i], hand)
             places, out, _ = rays(*axes, np.repeat(points[:, None, None], len(PARTS), axis=2))
