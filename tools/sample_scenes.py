@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -239,22 +239,27 @@ def staff() -> SampleScene:
         side: Reach(middle + turn.apply([sign * GRIP, 0.0, 0.0]), on_side(side, fist), 1.0, (0.8 * sign, -0.8, -0.1))
         for side, sign in SIGN.items()
     }
-    along = (0.0, -80.0, -50.0, -GRIP, GRIP, 50.0, 80.0)  # the staff's points, all fixed to the first [cm]
+    points = [(x, 0.0, 0.0) for x in (0.0, -80.0, -50.0, -GRIP, GRIP, 50.0, 80.0)]
+    prop = stick("staff", points, middle, turn, "LeftWrist", "RightWrist")
+    touches = [contact((0, grip.joint), (1, NEAREST), 0.0, t[-1]) for grip in prop.held_by]
+    return SampleScene({"performer": performer(t, _upright(t, 3, 3, 6), reaches)}, touches, (prop,))
+
+
+def stick(name: str, points: Sequence[ArrayLike], place: Points, turn: Rotation, *holders: str) -> Prop:
+    """A prop of points, (3,) each [cm], all fixed to the first, which is at a place, (frames, 3), in each frame."""
     skeleton = Skeleton(
-        names=tuple(f"staff{number or ''}" for number in range(len(along))),
-        parents=np.append(-1, np.zeros(len(along) - 1, np.intp)),
-        offsets=np.array([[x, 0.0, 0.0] for x in along]),
-        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(along) - 1)),
-        end_sites=np.arange(len(along)) > 0,
+        names=tuple(f"{name}{number or ''}" for number in range(len(points))),
+        parents=np.append(-1, np.zeros(len(points) - 1, np.intp)),
+        offsets=np.array(points, float),
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(points) - 1)),
+        end_sites=np.arange(len(points)) > 0,
         units="cm",
         up="Y",
     )
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), len(along), 1))
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(place), len(points), 1))
     rotations[:, 0] = turn.as_quat()
-    grips = (Grip(0, "LeftWrist"), Grip(0, "RightWrist"))
-    prop = Prop(name="staff", motion=Motion(skeleton, middle, rotations, FRAME_TIME), held_by=grips)
-    touches = [contact((0, grip.joint), (1, NEAREST), 0.0, t[-1]) for grip in grips]
-    return SampleScene({"performer": performer(t, _upright(t, 3, 3, 6), reaches)}, touches, (prop,))
+    motion = Motion(skeleton, place, rotations, FRAME_TIME)
+    return Prop(name=name, motion=motion, held_by=tuple(Grip(0, joint) for joint in holders))
 
 
 def sit_on_chair() -> SampleScene:
