@@ -26,6 +26,7 @@ from program import run
 
 TOO_LONG = "frames/s that is too much"  # of a .vrma whose frames are 1000 s apart, which the reader refuses
 FOLDER, PIPE, LINK, CHARACTER = "@folder", "@pipe", "@link:", "@character:"  # files that are no texts
+SKINS = ("auto", "average", "none")
 SPECIAL = (FOLDER, PIPE, f"{LINK}/dev/zero", f"{LINK}none", f"{LINK}.", f"{LINK}../../../etc/passwd", "")
 
 
@@ -102,7 +103,7 @@ def scenes(draw: st.DrawFn) -> Folder:
     for number in range(draw(st.integers(1, 3))):
         performer: dict[str, Any] = {"source": f"p{number}.bvh", "target": f"body{number}.json"}
         files |= {performer["source"]: draw(clips), performer["target"]: draw(bodies)}
-        skin = _mostly(st.sampled_from(("auto", "average", "none")), st.just("p0.bvh"))
+        skin = _mostly(st.sampled_from(SKINS), st.just("p0.bvh"))
         name = _mostly(st.just(f"one{number}"), made.names)
         more = {"start": starts, "skin": skin, "name": name}
         performer |= draw(st.fixed_dictionaries({}, optional=more))
@@ -125,15 +126,9 @@ def scenes(draw: st.DrawFn) -> Folder:
         more = {"scale": scale, "held_by": st.lists(grips, max_size=2), "start": starts}
         prop |= draw(st.fixed_dictionaries({}, optional=more))
         props.append(prop)
-    options = st.fixed_dictionaries(
-        {},
-        optional={
-            "world_scale": st.sampled_from((0.5, 1.0, 2)) | numbers,
-            "supports": st.sampled_from(("hold", "feet", "free")),
-            "environment": st.sampled_from(("body", "scaled")),
-            "skin": st.sampled_from(("auto", "average", "none")),
-        },
-    )
+    kinds = {"supports": ("hold", "feet", "free"), "environment": ("body", "scaled"), "skin": SKINS}
+    chosen = {key: st.sampled_from(values) for key, values in kinds.items()}
+    options = st.fixed_dictionaries({}, optional={"world_scale": st.sampled_from((0.5, 1.0, 2)) | numbers, **chosen})
     same = {"cut": True, "resample": True} if draw(st.integers(0, 5)) else {}
     scene = {"format": "distretarget-scene", "version": 1, "performers": performers, "props": props} | same
     text = st.just(json.dumps(scene | draw(options)))
