@@ -64,11 +64,9 @@ def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float
         spreads.append(largest_spread(np.array(alignments))[0])
         for source, twin in zip(sources, twins, strict=True):
             results = [retarget(motion, target) for motion in (source, twin)]
-            ups = []  # the heads' up axes
-            for each in results:
-                body = each.matching.target
-                head = body.anatomy.roles["head"] if body.anatomy else 0
-                ups.append(Rotation.from_quat(each.motion.world_rotations_of(head)).apply(body.up_vector))
+            body, head = results[0].matching.target, results[0].matching.target.roles.get("head", 0)
+            turns = (Rotation.from_quat(each.motion.world_rotations_of(head)) for each in results)
+            ups = [turn.apply(body.up_vector) for turn in turns]  # the heads' up axes
             heads.append(float(np.degrees(angles_between(*ups)).mean()))
             own, of_twin = ({key for key in TILTS if BY_KEY[key].over_limit(each.metrics)} for each in results)
             warned.append(float(bool(own - of_twin)))
