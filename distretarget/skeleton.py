@@ -266,10 +266,7 @@ class Skeleton:
     @cached_property
     def depths(self) -> NDArray[np.intp]:
         """(joints,), the number of joints above each joint."""
-        above = [0] * len(self)
-        for joint, parent in enumerate(self.parents.tolist()):
-            above[joint] = above[parent] + 1 if parent >= 0 else 0
-        return np.array(above)
+        return kinematics.paths_from(0, self.parents.tolist(), [1.0] * len(self)).astype(np.intp)
 
     @cached_property
     def coincident(self) -> NDArray[np.intp]:
