@@ -156,9 +156,7 @@ def _seconds(run: Callable[[], object]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ThreeJs:
-    """The clip of a run by `SkeletonUtils.retargetClip` of three.js in node; axes agree, so that `localOffsets` are
-    not needed.
-    """
+    """A run's clip by three.js's `SkeletonUtils.retargetClip` in node; axes agree, so `localOffsets` are not needed."""
 
     run: RetargetResult
 

@@ -79,9 +79,7 @@ class Core:
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
     def distance_to_clear(self, other: Core, along: Array, overlap: float, ahead: float = 0.5) -> Array:
-        """(frames,), how far to move along unit vectors, (frames, 3), until no balls `ahead` overlap by more than
-        `overlap`.
-        """
+        """(frames,), how far to move along unit vectors, (frames, 3), to leave balls `ahead` an `overlap` at most."""
         distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
         write_exit_distances(centres, radii, others, other_radii, along, overlap, ahead, distances)
@@ -132,9 +130,7 @@ def _separations(
     speed = SPEED * time * np.maximum(steps, STANDING)
 
     def separate(both: Sequence[Core], along: Array, allowed: Array, shares: Array, moves: Array) -> None:
-        """Move the first along unit vectors, (frames, 3), the second against them, by `shares`, (frames, 2), of what
-        clears them but for an `allowed` distance, (frames,).
-        """
+        """Move both apart `along` unit vectors by `shares`, (frames, 2), of what clears them but for `allowed`."""
         one, other = (
             replace(core, centres=core.centres + (moves[number] / unit)[:, None])
             for number, core in zip(numbers, both, strict=True)
