@@ -42,7 +42,7 @@ from distretarget import Grip, Motion, Prop, Skeleton
 from distretarget.io.obj import parse_obj, static_prop
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
-NEAREST = ""
+NEAREST = ""  # in place of a joint: the nearest point of a prop
 DURATION = 2.6  # [s]
 OTHER = {"Left": "Right", "Right": "Left"}
 POINTING = hand(fingers=[0.0, 0.0, 1.0], palm=[-1.0, 0.0, 0.0])  # a left hand, the thumb up
@@ -54,11 +54,9 @@ TABLE = 92.0  # height of the table [cm]
 
 
 class Contact(NamedTuple):
-    """Two points that touch from frame `first` to frame `last`, both included. A point is the number of a performer, or
-    of a prop counted after them, and a joint; `NEAREST` for the nearest point of a prop.
-    """
+    """Two points that touch from frame `first` to frame `last`, both included."""
 
-    one: tuple[int, str]
+    one: tuple[int, str]  # the number of a performer, or of a prop counted after them, and a joint, or `NEAREST`
     other: tuple[int, str]
     first: int
     last: int
@@ -73,14 +71,12 @@ class SampleScene(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The goal of a hand in the performer's own world: places of the wrist, (frames, 3) or (3,) [cm]; rotation of the
-    hand; weight, (frames,), 0 where the arm hangs; direction of the elbow, (3,).
-    """
+    """The goal of a hand in the performer's own world."""
 
-    wrist: ArrayLike
+    wrist: ArrayLike  # its places, (frames, 3) or (3,) [cm]
     hand: Rotation
-    weight: ArrayLike = 1.0
-    elbow: ArrayLike = (0.0, -1.0, -0.3)
+    weight: ArrayLike = 1.0  # (frames,), 0 where the arm hangs
+    elbow: ArrayLike = (0.0, -1.0, -0.3)  # its direction, (3,)
 
 
 def performer(t: Track, trunk: Trunk, reaches: Mapping[str, Reach], feet: Mapping[str, Foot] | None = None) -> Motion:
