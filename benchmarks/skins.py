@@ -171,9 +171,8 @@ def _pieces(document: dict, buffer: bytes, skeleton: Skeleton) -> Iterator[tuple
             moved = np.hstack([values(document, buffer, given[f"JOINTS_{number}"]) for number in sets]).astype(int)
             weights = np.hstack([values(document, buffer, given[f"WEIGHTS_{number}"]) for number in sets])
             weights /= weights.sum(axis=1, keepdims=True)
-            corners = (
-                values(document, buffer, primitive["indices"]) if "indices" in primitive else np.arange(len(points))
-            )
+            indices = primitive.get("indices")
+            corners = np.arange(len(points)) if indices is None else values(document, buffer, indices)
             triangles = corners.astype(int).reshape(-1, 3)
             yield points, joints[moved], weights, triangles, binds[own], joints[own]
 
