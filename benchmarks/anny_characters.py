@@ -198,17 +198,15 @@ def in_t_pose(points: Array, rig: Rig, name: str) -> tuple[Array, Rig]:
 def mesh_of(base: Base, points: Array, rig: Rig) -> Mesh:
     """The base mesh of a body with four weights a point and normals; `points` (points, 3) [m]."""
     faces = base.faces["body"]
-    used = np.unique([corner for face in faces for corner in face])
-    numbers = np.zeros(len(points), int)
-    numbers[used] = np.arange(len(used))
     triangles = np.array([[f[0], *f[n : n + 2]] for f in faces for n in range(1, len(f) - 1)])
+    used, corners = np.unique(triangles, return_inverse=True)
     weights = rig.weights[used].toarray()
     joints = np.argsort(-weights, axis=1)[:, :4]
     shares = np.take_along_axis(weights, joints, axis=1)
     shares[shares.sum(axis=1) == 0, 0] = 1.0
     shares /= shares.sum(axis=1, keepdims=True)
     joints = np.where(shares > 0, joints, 0)
-    return Mesh(points[used], numbers[triangles], joints, shares, normals_of(points, triangles)[used], SKIN)
+    return Mesh(points[used], corners.reshape(-1, 3), joints, shares, normals_of(points, triangles)[used], SKIN)
 
 
 @dataclass(frozen=True)

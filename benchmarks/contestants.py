@@ -118,7 +118,7 @@ def _mink() -> Iterator[Contestant]:
 
     def timer(kind: str, case: Case) -> Callable[[], float]:
         peer = _peer(kind, case.of_frames(SHORT))
-        return lambda: _seconds(lambda: peer.solve(STEPS)) / SHORT
+        return lambda: _seconds(lambda: [*peer.solved(STEPS)]) / SHORT
 
     for what, kind in (("hands and feet", "ScaledGoals"), ("GMR's recipe", "Gmr")):
         motion = partial(lambda kind, case: _peer(kind, case).motion(STEPS), kind)
@@ -156,9 +156,7 @@ def _seconds(run: Callable[[], object]) -> float:
 
 @dataclass(frozen=True, eq=False)
 class ThreeJs:
-    """The clip of a run by `SkeletonUtils.retargetClip` of three.js in node; axes agree, so that `localOffsets` are
-    not needed.
-    """
+    """A run's clip by three.js's `SkeletonUtils.retargetClip` in node; axes agree, so `localOffsets` are not needed."""
 
     run: RetargetResult
 

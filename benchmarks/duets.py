@@ -38,11 +38,6 @@ def takes(duets: Path) -> Iterator[tuple[str, list[Motion]]]:
         yield number, [lead[frames], follower[frames]]
 
 
-def rows(duets: Path) -> Iterator[Iterator[str]]:
-    """A row for each take and pair of bodies."""
-    return (cells(number, motions, names) for number, motions in takes(duets) for names in PAIRS)
-
-
 def cells(number: str, motions: list[Motion], names: tuple[str, str]) -> Iterator[str]:
     """The row of a take on two bodies."""
     bodies = [edited(m.rigid_skeleton, TARGETS.get(name, {})) for m, name in zip(motions, names, strict=True)]
@@ -80,7 +75,8 @@ def cells(number: str, motions: list[Motion], names: tuple[str, str]) -> Iterato
 @markdown_option
 def main(duets: Path, page: Path | None) -> None:
     """Measure, print, and write the table if a page is given."""
-    publish({"duets": table(COLUMNS, rows(duets))}, page)
+    rows = (cells(number, motions, names) for number, motions in takes(duets) for names in PAIRS)
+    publish({"duets": table(COLUMNS, rows)}, page)
 
 
 if __name__ == "__main__":

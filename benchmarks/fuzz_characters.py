@@ -72,7 +72,7 @@ def _as_motion(path: Path) -> None:
     motion = motion.turned_round() if motion.skeleton.faces_negative_z else motion  # as it is written
     if not _is_collapsed(motion):
         places = motion.positions[:, list(motion.skeleton.depth_first)]
-        check_close(places, read.positions, _off(_extent(motion)), "positions of the BVH")
+        check_close(places, read.positions, _off(motion), "positions of the BVH")
 
 
 def _as_target(path: Path) -> None:
@@ -89,7 +89,7 @@ def _as_target(path: Path) -> None:
     out = path.with_name(f"out{path.suffix.replace('.vrma', '.glb')}")
     write_motion(out, motion, path, name="the new one", overwrite=True)
     read = read_back(lambda: read_motion(out, clip="the new one"))
-    off = _off(_extent(motion) + float(np.abs(target.character.shown.translations).max()))
+    off = _off(motion, float(np.abs(target.character.shown.translations).max()))
     check_close(motion.positions, read.positions, off, "positions of the animation written")
     if not target.character.warnings and len(target.character.nodes) < 300 and out.suffix != ".gltf":
         times = sample().frame_time * np.arange(len(motion))
@@ -111,9 +111,6 @@ def _check_finite(motion: Motion) -> None:
         raise NotReadBackError("positions are not finite")
 
 
-def _extent(motion: Motion) -> float:
-    return float(np.abs(motion.positions).max(initial=0.0) + np.abs(motion.skeleton.offsets).max(initial=0.0))
-
-
-def _off(extent: float) -> float:
-    return OFF * extent + 2e-6
+def _off(motion: Motion, nodes: float = 0.0) -> float:
+    body = float(np.abs(motion.positions).max(initial=0.0) + np.abs(motion.skeleton.offsets).max(initial=0.0))
+    return OFF * (body + nodes) + 2e-6

@@ -29,10 +29,6 @@ class TooLongError(Exception):
     """No end within the limit."""
 
 
-class TooLargeError(Exception):
-    """More memory than an input may take."""
-
-
 class Memory:
     """The peak memory of this process since the start of the measurement; Linux only."""
 
@@ -46,9 +42,9 @@ class Memory:
         return next(int(line.split()[1]) * 1024 for line in lines if line.startswith(key))
 
     def check(self, most: int) -> None:
-        """Raise a TooLargeError if the memory grew by more than this [bytes]."""
+        """Raise a MemoryError if the memory grew by more than this [bytes]."""
         if (used := self._status("VmHWM") - self._before) > most:
-            raise TooLargeError(f"{used / 2**20:.0f} MB")
+            raise MemoryError(f"{used / 2**20:.0f} MB")
 
 
 def _late(_number: int, _frame: object) -> None:
@@ -72,7 +68,7 @@ def outcome_of(action: Callable[[Any], str | None], case: Any) -> tuple[str, str
         return (TRACEBACK, fault) if fault else (REFUSED, "")
     except TooLongError as error:
         return HANG, "".join(traceback.format_exception(error)[-6:])
-    except (TooLargeError, MemoryError) as error:
+    except MemoryError as error:
         return MEMORY, str(error)
     except NotReadBackError as error:
         return UNREADABLE, str(error)

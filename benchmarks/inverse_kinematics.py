@@ -45,10 +45,6 @@ class ScaledGoals:
         self.frames = [_frame_task(end, 1.0, 0.0) for end in ends]
         self.posture = mink.PostureTask(self.model, cost=POSTURE)
 
-    def solve(self, steps: int) -> Array:
-        """(frames, bodies, 3), positions of the bodies [file units]; each frame is solved from the one before."""
-        return np.array([data.xpos[1:].copy() for data in self.solved(steps)]) * self.unit
-
     def motion(self, steps: int) -> Motion:
         """The solved frames as a motion of the target."""
         copy = self.copy
@@ -60,7 +56,7 @@ class ScaledGoals:
         return Motion(copy.skeleton, np.array(places) * self.unit, rotations, copy.frame_time_text)
 
     def solved(self, steps: int) -> Iterator[mujoco.MjData]:
-        """The state of the model in each frame."""
+        """The state of the model in each frame, solved from the one before."""
         self.configuration.update(self.postures[0])
         for posture, places in zip(self.postures, self.places, strict=True):
             self.posture.set_target(posture)

@@ -24,7 +24,7 @@ from pathlib import Path
 
 import click
 import numpy as np
-from clips import CLIPS, SAMPLE_CLIPS, SAMPLES, TARGETS, corpus_argument, edited, found, markdown_option
+from clips import CLIPS, HERO, SAMPLE_CLIPS, TARGETS, corpus_argument, edited, found, markdown_option
 from numpy.typing import NDArray
 from runs import in_processes
 from scipy.spatial.transform import Rotation
@@ -46,7 +46,6 @@ HELD = ("cmu_mb/05_06.bvh", "cmu_mb/05_12.bvh", "cmu_daz/13_18.bvh", "animated_d
 TILTS = ("head_tilt", "heading", "sole_tilt")
 FOLDERS = ("cmu_mb", "cmu_daz")  # of the corpus, with the same motions on two bodies
 SAME_MOTIONS = ("02_01", "02_03", "02_04", "03_01", "05_03", "05_06", "06_15", "08_07", "09_01", "12_01")
-HERO = SAMPLES.parent / "sample_characters" / "hero.glb"
 NOISE = np.radians(0.5) / np.sqrt(3)  # standard deviation about each axis [rad]
 
 
@@ -65,11 +64,9 @@ def lying(frames: int, clips: Sequence[Path], name: str) -> dict[str, list[float
         spreads.append(largest_spread(np.array(alignments))[0])
         for source, twin in zip(sources, twins, strict=True):
             results = [retarget(motion, target) for motion in (source, twin)]
-            ups = []  # the heads' up axes
-            for each in results:
-                body = each.matching.target
-                head = body.anatomy.roles["head"] if body.anatomy else 0
-                ups.append(Rotation.from_quat(each.motion.world_rotations_of(head)).apply(body.up_vector))
+            body, head = results[0].matching.target, results[0].matching.target.roles.get("head", 0)
+            turns = (Rotation.from_quat(each.motion.world_rotations_of(head)) for each in results)
+            ups = [turn.apply(body.up_vector) for turn in turns]  # the heads' up axes
             heads.append(float(np.degrees(angles_between(*ups)).mean()))
             own, of_twin = ({key for key in TILTS if BY_KEY[key].over_limit(each.metrics)} for each in results)
             warned.append(float(bool(own - of_twin)))
@@ -176,12 +173,6 @@ def answer_rows(known: dict[tuple[str, str], list[dict[str, list[float]]]]) -> I
         yield f"same motions, {source} on the body of {target}: copy / result", text, "the copy's"
 
 
-def own_rows(off: Sequence[float]) -> Iterator[Row]:
-    """The line about own motions of a character."""
-    text = several((max(off), np.median(off)), ".2f")
-    yield f"own motions of a character with a mesh, {len(off)} clips: worst / median", text, "0.2"
-
-
 def equivalent_rows(same: Sequence[dict[str, tuple[float, float]]]) -> Iterator[Row]:
     """The lines about equivalent results."""
     for key, goal in zip(same[0], ("3", "", "1", "4"), strict=True):
@@ -204,7 +195,9 @@ def main(corpus: Path, frames: int, page: Path | None) -> None:
     pairs = [FOLDERS, FOLDERS[::-1]] if both else []
     rows = [*lying_rows(in_processes(partial(lying, frames, stand), product(rigs)))]
     rows += answer_rows({p: in_processes(partial(known_answer, frames, corpus, p), product(both)) for p in pairs})
-    rows += own_rows(in_processes(partial(own_motion, frames, HERO), product(clips)))
+    off = in_processes(partial(own_motion, frames, HERO), product(clips))
+    text = several((max(off), np.median(off)), ".2f")
+    rows.append((f"own motions of a character with a mesh, {len(off)} clips: worst / median", text, "0.2"))
     rows += equivalent_rows(in_processes(partial(equivalent, frames), zip(clips, cycle(TARGETS), strict=False)))
     publish({"known answers": table(["known answer", "off it", "goal: at most"], rows)}, page)
 

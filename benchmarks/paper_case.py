@@ -5,7 +5,7 @@ solver from any start, another solver of the same problem, and checks of exactly
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import astuple, dataclass, replace
 from fractions import Fraction
 from functools import cache, cached_property
@@ -177,9 +177,9 @@ def least_sigma(problem: DistanceProblem, source: Array, start: Array) -> float:
 # ---- whole clips
 
 
-def solved(one: Case, starts: Array) -> Postures:
-    """Every frame of a case, solved from its own start, (frames, joints, 3) [m]."""
-    return solve_postures(one.problem, one.source.positions, starts)
+def solved(one: Case, starts: Array, frames: Sequence[int] | slice = slice(None)) -> Postures:
+    """Frames of a case, by default all, each solved from its own start, (frames, joints, 3) [m]."""
+    return solve_postures(one.problem, one.source.positions[frames], starts)
 
 
 def from_before(one: Case) -> Postures:
@@ -239,19 +239,19 @@ def checks() -> Iterator[Check]:
     posture = source.positions[POSTURE]
 
     # Where no bone changes, the source's posture is the answer.
-    same = solved_posture(Case(source, source.skeleton), posture)
+    same = solved(Case(source, source.skeleton), posture[None], [POSTURE])
     yield "no bone changed: sigma, iterations", "0, 0", f"{zero(same.stress[0])}, {same.effort.iterations[0]}"
 
     # Where every bone is scaled by s, s times the posture is the answer; the start is the source's posture.
     larger = source.skeleton.with_offsets(SCALE * source.skeleton.offsets)
-    scaled = solved_posture(Case(source, larger), posture)
+    scaled = solved(Case(source, larger), posture[None], [POSTURE])
     expected = SCALE * (posture - posture.mean(axis=0))[None]
     off = np.abs(aligned(scaled.positions, expected) - expected).max()
     what = f"every bone times {SCALE}: sigma, points off {SCALE} times the posture [m]"
     yield what, f"0, < {NEAR:g}", f"{zero(scaled.stress[0])}, {less(off, NEAR)}"
 
     # A mirrored start gives the mirrored result, with the same sigma.
-    one, other = (solved_posture(spine, sign * spine.copy[POSTURE]) for sign in (1.0, MIRROR))
+    one, other = (solved(spine, sign * spine.copy[[POSTURE]], [POSTURE]) for sign in (1.0, MIRROR))
     off = np.abs(other.positions - MIRROR * one.positions).max()
     found = f"{zero(off)}, {zero(other.stress[0] - one.stress[0])}"
     yield "mirrored start: off the mirrored result [m], difference of sigma", "0, 0", found
@@ -260,14 +260,10 @@ def checks() -> Iterator[Check]:
     differences = []
     for edit in map(case, EDITS):
         start = edit.copy[POSTURE]
-        differences.append(abs(solved_posture(edit, start).stress[0] / least_sigma(edit.problem, posture, start) - 1))
+        found = solved(edit, start[None], [POSTURE]).stress[0]
+        differences.append(abs(found / least_sigma(edit.problem, posture, start) - 1))
     what = "sigma after each edit against L-BFGS-B's, largest relative difference"
     yield what, f"< {AGREEMENT:g}", less(max(differences), AGREEMENT)
-
-
-def solved_posture(one: Case, start: np.ndarray) -> Postures:
-    """The posture of a case, solved from a start, (joints, 3)."""
-    return solve_postures(one.problem, one.source.positions[POSTURE][None], start[None])
 
 
 def problem_checks() -> Iterator[Check]:

@@ -31,24 +31,14 @@ def faults_of(motion):
     return {kind: each for kind, each in found.items() if each.value > KINDS[kind].limit}
 
 
-def joint_of(motion, role):
-    """The joint with a role."""
-    return Body.of_motion(motion).anatomy.roles[role]
-
-
-def leg_of(motion):
-    """The length of a leg [file units]."""
-    return 0.5 * Body.of_motion(motion).unit
-
-
 def moved(motion, by):
-    """The motion with its root moved by (frames, 3) [leg lengths]."""
-    return replace(motion, root_positions=motion.root_positions + leg_of(motion) * by)
+    """The motion with its root moved by (frames, 3) [half body units, about leg lengths]."""
+    return replace(motion, root_positions=motion.root_positions + 0.5 * Body.of_motion(motion).unit * by)
 
 
 def turned(motion, role, degrees, frames):
     """The motion with the joint of a role turned in some frames."""
-    joint, rotations = joint_of(motion, role), np.array(motion.rotations)
+    joint, rotations = Body.of_motion(motion).roles[role], np.array(motion.rotations)
     rotations[frames, joint] = (
         Rotation.from_quat(rotations[frames, joint]) * Rotation.from_euler("XYZ", degrees, degrees=True)
     ).as_quat()
@@ -59,7 +49,7 @@ def first_frames_in_rest_pose(motion, count=1):
     rotations = np.array(motion.rotations)
     rotations[:count] = [0.0, 0.0, 0.0, 1.0]
     path = np.array(motion.root_positions)
-    path[:count] = [50.0 * leg_of(motion), path[0, 1], 0.0]
+    path[:count] = [25.0 * Body.of_motion(motion).unit, path[0, 1], 0.0]
     return replace(motion, rotations=rotations, root_positions=path)
 
 
@@ -96,7 +86,7 @@ def held_at(motion, seconds):
 
 
 def stretched(motion):
-    joint = joint_of(motion, "leftHand")
+    joint = Body.of_motion(motion).roles["leftHand"]
     bones = np.tile(motion.skeleton.offsets[joint], (len(motion), 1, 1))
     bones *= np.linspace(1.0, 1.3, len(motion))[:, None, None]
     return replace(motion, moving=MovingBones(np.array([joint]), bones))

@@ -9,7 +9,7 @@ rotation copy from which the solver starts, where the solver may repair it. CHAR
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -30,50 +30,24 @@ from distretarget.pipeline.result import RetargetResult
 Array = np.ndarray
 
 
-@dataclass(frozen=True)
 class Stage:
-    """A result, with directions and sizes for planting faults."""
+    """A result, with what planting faults needs: its motion and all frames; the joints by role and the height of the
+    target [file units]; and the unit vectors up, and to the left and ahead of the body in the first frame, (3,) each.
+    """
 
-    result: RetargetResult
-
-    @property
-    def motion(self) -> Motion:
-        """The motion of the result."""
-        return self.result.motion
-
-    @property
-    def height(self) -> float:
-        """The height of the target [file units]."""
-        return self.result.matching.target.height
-
-    @property
-    def up(self) -> Array:
-        """The unit vector up, (3,)."""
-        return self.result.world.up_vector
-
-    def joint(self, role: str) -> int:
-        """The joint with a role."""
-        return self.result.matching.target.anatomy.roles[role]
-
-    @property
-    def left(self) -> Array:
-        """The unit vector to the left of the body in the first frame, (3,)."""
-        left, right = (self.motion.positions[0, self.joint(f"{side}UpperLeg")] for side in ("left", "right"))
-        return normalised(level(left - right, self.up))
-
-    @property
-    def ahead(self) -> Array:
-        """The unit vector ahead of it, (3,)."""
-        return np.cross(self.left, self.up)
-
-    def all(self) -> Array:
-        """The indices of all frames."""
-        return np.arange(len(self.motion))
+    def __init__(self, result: RetargetResult) -> None:
+        self.result, self.motion, self.frames = result, result.motion, np.arange(len(result.motion))
+        self.roles, self.height = result.matching.target.roles, result.matching.target.height
+        legs = (self.roles[f"{side}UpperLeg"] for side in ("left", "right"))
+        left, right = (self.motion.positions[0, joint] for joint in legs)
+        self.up = result.world.up_vector
+        self.left = normalised(level(left - right, self.up))
+        self.ahead = np.cross(self.left, self.up)
 
     def turned(self, joint: int | str, turns: Array, frames: Array | None = None) -> Motion:
         """The motion with a joint turned in the world by rotation vectors, (3,) or (frames, 3) [degrees]."""
-        joint = self.joint(joint) if isinstance(joint, str) else joint
-        frames = self.all() if frames is None else frames
+        joint = self.roles[joint] if isinstance(joint, str) else joint
+        frames = self.frames if frames is None else frames
         world = Rotation.from_quat(self.motion.world_rotations_of(joint)[frames])
         own = Rotation.from_quat(self.motion.rotations[frames, joint])
         rotations = np.array(self.motion.rotations)
@@ -91,18 +65,18 @@ class Stage:
 
     def late(self, roles: tuple[str, ...], frames: int) -> Motion:
         """The motion with the rotations of some joints delayed by a number of frames."""
-        rotations, before = np.array(self.motion.rotations), np.maximum(self.all() - frames, 0)
+        rotations, before = np.array(self.motion.rotations), np.maximum(self.frames - frames, 0)
         for role in roles:
-            rotations[:, self.joint(role)] = rotations[before, self.joint(role)]
+            rotations[:, self.roles[role]] = rotations[before, self.roles[role]]
         return replace(self.motion, rotations=rotations)
 
     def hand_moved(self, side: str, by: Array) -> Motion:
         """The motion with a hand moved by (3,) [file units], by shoulder and elbow; its world rotation stays."""
-        stage, hand = self, self.joint(f"{side}Hand")
+        stage, hand = self, self.roles[f"{side}Hand"]
         goal = self.motion.positions[:, hand] + by
         rotation = Rotation.from_quat(self.motion.world_rotations_of(hand))
         for role in ("LowerArm", "UpperArm") * 12:
-            at, end = (stage.motion.positions[:, joint] for joint in (self.joint(side + role), hand))
+            at, end = (stage.motion.positions[:, joint] for joint in (self.roles[side + role], hand))
             axis, angle = np.cross(end - at, goal - at), angles_between(end - at, goal - at)
             stage = stage.on(stage.turned(side + role, np.degrees(angle)[:, None] * normalised(axis)))
         world = Rotation.from_quat(stage.motion.world_rotations_of(hand))
@@ -110,7 +84,7 @@ class Stage:
 
     def crouched(self, degrees: float) -> Motion:
         """The motion with knees more bent, and hips lower so that the ankles stay in place."""
-        stage, ankles = self, [self.joint(f"{side}Foot") for side in ("left", "right")]
+        stage, ankles = self, [self.roles[f"{side}Foot"] for side in ("left", "right")]
         for side in ("left", "right"):
             for part, share in (("UpperLeg", -1.0), ("LowerLeg", 2.0), ("Foot", -1.0)):
                 stage = stage.on(stage.turned(f"{side}{part}", share * degrees * self.left))
@@ -121,9 +95,9 @@ class Stage:
         """The motion with rotations of left and right limbs exchanged, for rest poses that are symmetric."""
         rotations = np.array(self.motion.rotations)
         across = np.array([1.0, -1.0, -1.0, 1.0])  # mirrored across the plane between left and right, X to the left
-        for role, joint in self.result.matching.target.anatomy.roles.items():
+        for role, joint in self.roles.items():
             other = role.replace("left", "?").replace("right", "left").replace("?", "right")
-            rotations[:, joint] = self.motion.rotations[:, self.joint(other)] * across
+            rotations[:, joint] = self.motion.rotations[:, self.roles[other]] * across
         return replace(self.motion, rotations=rotations)
 
 
@@ -135,7 +109,7 @@ def _shaking(stage: Stage, degrees: float) -> Array:
 
 def _along_floor(stage: Stage, share: float) -> Motion:
     """The motion with a share of the path along the floor."""
-    path = stage.motion.positions[:, stage.joint("hips")]
+    path = stage.motion.positions[:, stage.roles["hips"]]
     return stage.moved((share - 1.0) * level(path - path[0], stage.up))
 
 
@@ -158,7 +132,7 @@ FAULTS: dict[str, Fault] = {
     "a head 30 degrees down": ("squat", lambda s: s.turned("head", 30.0 * s.left)),
     "a pop of an elbow": (
         "wave",
-        lambda s: s.turned("leftLowerArm", 40.0 * s.ahead, s.all()[len(s.motion) // 2 :][:1]),
+        lambda s: s.turned("leftLowerArm", 40.0 * s.ahead, s.frames[len(s.motion) // 2 :][:1]),
     ),
     "jitter of 0.5 degrees while a contact holds": (
         "hands_on_hips",
@@ -168,7 +142,7 @@ FAULTS: dict[str, Fault] = {
     "half the path": ("walk", lambda s: _along_floor(s, 0.5)),
     "a drift of 0.1 leg lengths a second": (
         "squat",
-        lambda s: s.moved(np.outer(s.all() * s.motion.frame_time, 0.05 * s.height * s.left)),
+        lambda s: s.moved(np.outer(s.frames * s.motion.frame_time, 0.05 * s.height * s.left)),
     ),
     "a crouch": ("squat", lambda s: s.crouched(15.0)),
     "palms turned by 90 degrees": ("clap", lambda s: s.turned("rightHand", 90.0 * s.up)),
@@ -176,7 +150,7 @@ FAULTS: dict[str, Fault] = {
     "an arm 25 degrees out without need": ("walk", lambda s: s.turned("leftUpperArm", 25.0 * s.ahead)),
     "legs 10 degrees apart": ("walk", lambda s: s.turned("leftUpperLeg", 10.0 * s.ahead)),
     "legs that pass through each other": ("squat", lambda s: s.turned("leftUpperLeg", -14.0 * s.ahead)),
-    "hips that shake": ("walk", lambda s: s.moved(np.outer(0.003 * s.height * (-1.0) ** (s.all() // 2), s.left))),
+    "hips that shake": ("walk", lambda s: s.moved(np.outer(0.003 * s.height * (-1.0) ** (s.frames // 2), s.left))),
 }
 
 

@@ -40,10 +40,8 @@ OWN_BODY = 0.1  # tolerance of joint positions of a clip on its own body [% of t
 # A run is worse than the rotation copy if the result is farther from the source by more than this [unit of the metric].
 WORSE = {"foot_skate": 0.01, "contact_error": 0.002, "foot_height": 0.1}
 
-Row = tuple[str, ...]
-"""A line of a table: a measure, its values, and the worst run."""
-Task = tuple[Path, str, str]
-"""A clip, the member of the zoo that is the source's body, if not the clip's own, and the member that is the target."""
+Row = tuple[str, ...]  # of a table: a measure, its values, and the worst run
+Task = tuple[Path, str, str]  # a clip; the zoo's members that are the source's body ("" for its own) and the target
 
 
 @dataclass(frozen=True)

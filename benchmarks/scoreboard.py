@@ -175,9 +175,8 @@ def _of_motion(reference: Reference, run: RetargetResult, of_copy: Comparison, m
 def direction_error(run: RetargetResult, motion: Motion) -> float:
     """Mean angle of upper arms, forearms, thighs and shins to the source's [degrees]; nan without such limbs."""
     roles, drivers = run.matching.target.roles, run.drivers
-    ends = np.array([[roles[end] for end in limb] for limb in LIMBS if all(end in roles for end in limb)]).reshape(
-        -1, 2
-    )
+    limbs = [[roles[end] for end in limb] for limb in LIMBS if roles.keys() >= {*limb}]
+    ends = np.array(limbs, int).reshape(-1, 2)
     ends = ends[(drivers[ends] >= 0).all(axis=1)]
     if not len(ends):
         return np.nan

@@ -66,16 +66,12 @@ class Skin:
     def read(cls, path: Path, skeleton: Skeleton) -> Skin:
         """The skin in a character's file, for its skeleton; a ValueError if its joints are not of the bind pose."""
         document, buffer = load(path)
-        pieces = list(_pieces(document, buffer, skeleton))
-        starts = np.cumsum([0, *(len(piece.points) for piece in pieces)])
-        widest = max(piece.joints.shape[1] for piece in pieces)
-        points = np.concatenate([piece.points for piece in pieces])
-        wider = [((0, 0), (0, widest - piece.joints.shape[1])) for piece in pieces]
-        joints = np.concatenate([np.pad(piece.joints, more) for piece, more in zip(pieces, wider, strict=True)])
-        weights = np.concatenate([np.pad(piece.weights, more) for piece, more in zip(pieces, wider, strict=True)])
-        triangles = np.concatenate([piece.triangles + start for piece, start in zip(pieces, starts, strict=False)])
-        binds = np.concatenate([piece.binds for piece in pieces])
-        on = np.concatenate([piece.bound for piece in pieces])
+        pieces = zip(*_pieces(document, buffer, skeleton), strict=True)
+        points, joints, weights, triangles, binds, bound = map(list, pieces)
+        starts = np.cumsum([0, *map(len, points)])
+        triangles = np.concatenate([each + start for each, start in zip(triangles, starts, strict=False)])
+        joints, weights = map(_as_wide, (joints, weights))
+        points, binds, on = map(np.concatenate, (points, binds, bound))
         turn, scale, shift = _similarity(binds, skeleton.rest_positions[on])
         points = scale * turn.apply(points) + shift
         height = np.ptp(points[:, 1])
@@ -139,20 +135,16 @@ def parts_of(skeleton: Skeleton) -> Numbers:
     return np.array([PARTS.index(next((own[up] for up in line if up in own), "hips")) for line in lines])
 
 
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """A primitive: arrays as in `Skin`, in mesh space, and the positions of its skin's joints in mesh space."""
-
-    points: Array
-    joints: Numbers
-    weights: Array
-    triangles: Numbers
-    binds: Array  # (bound, 3)
-    bound: Numbers  # (bound,), joints of the skeleton
+def _as_wide(pieces: Sequence[Array]) -> Array:
+    """Arrays of rows below each other, filled up with zeros to the widest."""
+    widest = max(piece.shape[1] for piece in pieces)
+    return np.concatenate([np.pad(piece, ((0, 0), (0, widest - piece.shape[1]))) for piece in pieces])
 
 
-def _pieces(document: dict, buffer: bytes, skeleton: Skeleton) -> Iterator[_Piece]:
-    """The skinned primitives of a file that have triangles."""
+def _pieces(document: dict, buffer: bytes, skeleton: Skeleton) -> Iterator[tuple[Array, ...]]:
+    """The skinned primitives of a file that have triangles: points, joints and weights of each, and its triangles; and
+    the positions of its skin's joints, all in mesh space, with their numbers in the skeleton.
+    """
     nodes = document["nodes"]
     above = {child: number for number, node in enumerate(nodes) for child in node.get("children", ())}
     names = {name: joint for joint, name in enumerate(skeleton.names)}
@@ -179,11 +171,10 @@ def _pieces(document: dict, buffer: bytes, skeleton: Skeleton) -> Iterator[_Piec
             moved = np.hstack([values(document, buffer, given[f"JOINTS_{number}"]) for number in sets]).astype(int)
             weights = np.hstack([values(document, buffer, given[f"WEIGHTS_{number}"]) for number in sets])
             weights /= weights.sum(axis=1, keepdims=True)
-            corners = (
-                values(document, buffer, primitive["indices"]) if "indices" in primitive else np.arange(len(points))
-            )
+            indices = primitive.get("indices")
+            corners = np.arange(len(points)) if indices is None else values(document, buffer, indices)
             triangles = corners.astype(int).reshape(-1, 3)
-            yield _Piece(points, joints[moved], weights, triangles, binds[own], joints[own])
+            yield points, joints[moved], weights, triangles, binds[own], joints[own]
 
 
 def _similarity(places: Array, wanted: Array) -> tuple[Rotation, float, Array]:

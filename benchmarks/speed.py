@@ -83,22 +83,15 @@ def of_files(clip: Path, source: Motion, body: Skeleton) -> Runs:
     }
 
 
-def rows(runs: Runs, frames: int, rounds: int) -> list[list[str]]:
+def rows(runs: Runs, frames: int, rounds: int) -> Iterator[tuple[str, str, str, str]]:
     """For each run: frames per second, and its time relative to that of its counterpart."""
     for run in runs.values():
         run()
     repeats = [int(np.ceil(LEAST_SECONDS / Timer(run).timeit(1))) for run in runs.values()]
     seconds = dict(zip(runs, alternating([*runs.values()], rounds, repeats=repeats).T, strict=True))
-    return [
-        [name, *_cells(frames / times, times / seconds[COMPARED_WITH.get(name, name)])]
-        for name, times in seconds.items()
-    ]
-
-
-def _cells(speed: Array, ratio: Array) -> Iterator[str]:
-    yield f"{np.median(speed):,.0f}"
-    yield f"{speed.min():,.0f} to {speed.max():,.0f}"
-    yield f"{np.median(ratio):.2f}"
+    for name, times in seconds.items():
+        speed, ratio = frames / times, np.median(times / seconds[COMPARED_WITH.get(name, name)])
+        yield name, f"{np.median(speed):,.0f}", f"{speed.min():,.0f} to {speed.max():,.0f}", f"{ratio:.2f}"
 
 
 # ---- cores, starting and memory

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from html import escape
 from types import NoneType
 from typing import TypedDict, get_args
@@ -271,10 +271,13 @@ class Motion:
 
     def turned_round(self) -> Motion:
         """Return the motion turned by 180 degrees about Y, rest pose included (`Skeleton.turned_round`)."""
-        moving = self.moving and MovingBones(self.moving.joints, self.moving.translations * HALF_TURN)
         rotations = self.rotations * np.append(HALF_TURN, 1.0)
-        path = self.root_positions * HALF_TURN
-        return Motion(self.skeleton.turned_round(), path, rotations, self.frame_time_text, moving)
+        return self._with_vectors(lambda each: each * HALF_TURN, self.skeleton.turned_round(), rotations)
+
+    def _with_vectors(self, change: Callable[[Array], Array], skeleton: Skeleton, rotations: Array) -> Motion:
+        """The motion on another skeleton, with the positions of the root and the translations of bones changed."""
+        moving = self.moving and MovingBones(self.moving.joints, change(self.moving.translations))
+        return Motion(skeleton, change(self.root_positions), rotations, self.frame_time_text, moving)
 
     def rotated_about_origin(self, turn: Rotation) -> Motion:
         """Return the motion rotated about the origin of the world: by one rotation, or by one for each frame."""
@@ -284,12 +287,10 @@ class Motion:
 
     def with_rest_turned(self, turn: Rotation) -> Motion:
         """Return the motion rotated about the origin of the world, rest pose included; no axis is stated to be up."""
-        moving, around = self.moving, Rotation.from_quat(np.array(self.rotations).reshape(-1, 4))
-        if moving is not None:
-            moving = MovingBones(moving.joints, _turned(moving.translations, turn))
+        around = Rotation.from_quat(np.array(self.rotations).reshape(-1, 4))
         skeleton = replace(self.skeleton, offsets=_turned(self.skeleton.offsets, turn), up=None)
         rotations = (turn * around * turn.inv()).as_quat().reshape(self.rotations.shape)
-        return Motion(skeleton, _turned(self.root_positions, turn), rotations, self.frame_time_text, moving)
+        return self._with_vectors(partial(_turned, turn=turn), skeleton, rotations)
 
     def moved(self, by: Array) -> Motion:
         """Return the motion displaced by a vector, (3,), or by one in each frame, (frames, 3) [file units]."""
@@ -298,9 +299,8 @@ class Motion:
     def scaled(self, factor: float) -> Motion:
         """Return the motion with body and path scaled by a factor; a SettingsError if it is not above 0."""
         check_number("factor", factor, SMALLEST, LARGEST)
-        moving = self.moving and MovingBones(self.moving.joints, factor * self.moving.translations)
         skeleton = self.skeleton.with_offsets(factor * self.skeleton.offsets)
-        return Motion(skeleton, factor * self.root_positions, self.rotations, self.frame_time_text, moving)
+        return self._with_vectors(lambda each: factor * each, skeleton, self.rotations)
 
     def resampled_frames(self, frame_time_text: str) -> int:
         """Return the number of frames at another frame time."""
@@ -392,13 +392,7 @@ def motion_of_world(
 
 def single_precision(motion: Motion) -> Motion:
     """Return a motion with positions and rotations rounded to float32, about seven digits."""
-    bones = motion.moving
-    return replace(
-        motion,
-        root_positions=in_float32(motion.root_positions),
-        rotations=normalised(in_float32(motion.rotations)),
-        moving=None if bones is None else replace(bones, translations=in_float32(bones.translations)),
-    )
+    return motion._with_vectors(in_float32, motion.skeleton, normalised(in_float32(motion.rotations)))
 
 
 def in_float32(values: Array) -> Array:

@@ -266,10 +266,7 @@ class Skeleton:
     @cached_property
     def depths(self) -> NDArray[np.intp]:
         """(joints,), the number of joints above each joint."""
-        above = [0] * len(self)
-        for joint, parent in enumerate(self.parents.tolist()):
-            above[joint] = above[parent] + 1 if parent >= 0 else 0
-        return np.array(above)
+        return kinematics.paths_from(0, self.parents.tolist(), [1.0] * len(self)).astype(np.intp)
 
     @cached_property
     def coincident(self) -> NDArray[np.intp]:
@@ -360,9 +357,7 @@ class Skeleton:
         return replace(self, offsets=self.offsets * HALF_TURN, faces_negative_z=not self.faces_negative_z)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the same tree and bone directions with other bone lengths, (joints,), at least 0. Bones of length 0
-        keep this length. A SkeletonError for other lengths.
-        """
+        """Return the tree with other bone lengths, (joints,), from 0 up, else a SkeletonError; those of 0 stay 0."""
         if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")
         factors = np.divide(lengths, self.lengths, out=np.ones(len(self)), where=self.lengths > 0)

@@ -214,6 +214,12 @@ def in_world(motion: Motion, turn: Rotation, scale: float = 1.0) -> Motion:
     return Motion.of_translations(skeleton, scale * spun(turn, motion.translations), rotations, motion.frame_time_text)
 
 
+def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
+    """The motion on its skeleton with joints appended; these do not rotate."""
+    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(skeleton) - len(motion.skeleton), 1))
+    return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))
+
+
 def mirrored(motion: Motion) -> Motion:
     """The motion in a mirror across x = 0, joints keeping their names."""
     flip, turn = np.array([-1.0, 1, 1]), np.array([1.0, -1, -1, 1])

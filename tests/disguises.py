@@ -10,10 +10,10 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 import numpy as np
-from bodies import SAMPLES, SIDES, in_world
+from bodies import SAMPLES, SIDES, in_world, on_skeleton
 from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
-from skeleton_edits import on_skeleton, turned_below, with_chain
+from skeleton_edits import turned_below, with_chain
 
 from distretarget import Motion, Skeleton, load_target, read_bvh, read_motion, retarget
 from distretarget.body.tree_repairs import reparented

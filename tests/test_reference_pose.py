@@ -6,10 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, WAYS, matched, moved, person, posed, sample, turned
+from bodies import SAMPLES, WAYS, matched, moved, on_skeleton, person, posed, sample, turned
 from built_rigs import BUILDS, along_bones, bones_along_y, with_axes
 from scipy.spatial.transform import Rotation
-from skeleton_edits import on_skeleton, with_chain, with_offset
+from skeleton_edits import with_chain, with_offset
 from zoo import CONVENTIONS, rig
 
 from distretarget import MatchingError, MotionError, match, read_bvh, retarget

@@ -103,8 +103,7 @@ def figures_of(result: RetargetResult, frames: Sequence[int]) -> list[list[Cell]
 
 def body_height(skeleton: Skeleton) -> float:
     """Approximate height of the standing body, whatever its rest pose [file units]."""
-    farthest = int(skeleton.paths_from(0).argmax())
-    return 0.7 * float(skeleton.paths_from(farthest).max())  # the longest path in the tree
+    return 0.7 * skeleton.longest_path
 
 
 def tallest(motions: Iterable[Motion]) -> float:

@@ -72,12 +72,8 @@ class Gltf:
             values = np.round(values * np.iinfo(dtype).max)
         stored = np.ascontiguousarray(values, f"<{dtype}")
         shape, count = stored.shape[1:], len(stored)
-        entry = {
-            "componentType": COMPONENTS[dtype],
-            "type": TYPES[shape],
-            "count": count,
-            "normalized": normalized or None,
-        }
+        entry = {"componentType": COMPONENTS[dtype], "type": TYPES[shape], "count": count}
+        entry |= {"normalized": normalized or None}
         if bounds:
             flat = stored.reshape(count, -1)
             entry |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
@@ -93,10 +89,9 @@ class Gltf:
             stored = np.repeat(stored[:1], count, axis=0)
         if stride:
             rows = stored.reshape(count, -1).view(np.uint8).reshape(count, -1)
-            padded = np.full((count, stride), 0xAB, np.uint8)
-            padded[:, : rows.shape[1]] = rows
-            return self.add("accessors", bufferView=self.view(padded.tobytes(), stride, target), byteOffset=0, **entry)
-        return self.add("accessors", bufferView=self.view(stored.tobytes(), None, target), **entry)
+            stored = np.pad(rows, ((0, 0), (0, stride - rows.shape[1])), constant_values=0xAB)
+        view, start = self.view(stored.tobytes(), stride, target), 0 if stride else None
+        return self.add("accessors", bufferView=view, byteOffset=start, **entry)
 
     def uses(self, *extensions: str) -> None:
         used = self.document.setdefault("extensionsUsed", [])

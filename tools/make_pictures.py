@@ -16,16 +16,15 @@ from pathlib import Path
 import click
 import numpy as np
 from draw import VIEWS, Cell, cells, figures_of, tallest, write_loop, write_picture
-from sample_scenes import SCENES, facing
+from sample_scenes import SCENES, facing, stick
+from scipy.spatial.transform import Rotation
 from zoo import MEMBERS, member
 
 from distretarget import (
     Contact,
     ContactList,
-    Grip,
     Motion,
     Plant,
-    Prop,
     RetargetResult,
     Skeleton,
     load_target,
@@ -33,7 +32,6 @@ from distretarget import (
     retarget,
     retarget_scene,
 )
-from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
 ROOT = Path(__file__).resolve().parents[1]
 SAMPLES = ROOT / "sample_bvh"
@@ -137,22 +135,12 @@ def draw_skating(path: Path) -> None:
 def draw_handover(path: Path) -> None:
     """Draw a stick in the left hand of a walker, before and after the right hand takes it too."""
     walk = read_bvh(SAMPLES / "walk.bvh")
-    skeleton = Skeleton(
-        names=("stick", "lower", "upper"),
-        parents=np.array([-1, 0, 0]),
-        offsets=np.array([[0.0, 0.0, 0.0], [0.0, -10.0, 0.0], [0.0, 60.0, 0.0]]),
-        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, (), ()),
-        end_sites=np.array([False, True, True]),
-    )
-    grip = walk.positions[:, walk.skeleton.index("LeftWrist")]
-    upright = np.tile([0.0, 0.0, 0.0, 1.0], (len(walk), 3, 1))
-    stick = Prop(
-        name="stick", motion=Motion(skeleton, grip, upright, walk.frame_time_text), held_by=(Grip(0, "LeftWrist"),)
-    )
+    grip, points = walk.positions[:, walk.skeleton.index("LeftWrist")], [(0, 0, 0), (0, -10, 0), (0, 60, 0)]
+    held = stick("stick", points, grip, Rotation.identity(), "LeftWrist")
     taken = Plant(plant="right hand", on="stick", frames=HELD)
     columns: dict[str, list[Motion]] = {}
     for name, entries in (("before", ()), ("after", (taken,))):
-        scene = retarget_scene([walk], [_child(walk)], [stick], contacts=[ContactList(entries)])
+        scene = retarget_scene([walk], [_child(walk)], [held], contacts=[ContactList(entries)])
         motions = scene.results[0].motion, scene.props[0].motion
         columns[name] = [motion[MIDDLE : MIDDLE + 1] for motion in motions]
     _write_scenes(path, columns, "three-quarter", SHEET_DPI)

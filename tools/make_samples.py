@@ -1,5 +1,4 @@
-"""Write the clips and props of `sample_bvh`, and `sample_characters`. JSON files (targets, rigs, scenes) are edited by
-hand.
+"""Write `sample_characters`, and clips and props of `sample_bvh`, whose targets, rigs and scenes are edited by hand.
 
     python tools/make_samples.py [FOLDER]
 

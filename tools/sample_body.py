@@ -336,18 +336,15 @@ def aimed_arm(side: str, chest: Place, hand: Place, elbow: ArrayLike) -> Arm:
 
 @dataclass(frozen=True)
 class Foot:
-    """A foot in the world: position of the ankle, (frames, 3), and rotation; upward bend of the toes, (frames,)
-    [degrees]; pole vector of the leg, (frames, 3) or (3,), by default between the forward directions of pelvis and
-    foot.
-    """
+    """A foot in the world."""
 
-    ankle: Points
+    ankle: Points  # its position, (frames, 3)
     rotation: Rotation
-    toe: ArrayLike = 0.0
-    knee: ArrayLike | None = None
+    toe: ArrayLike = 0.0  # the upward bend of the toes, (frames,) [degrees]
+    knee: ArrayLike | None = None  # (frames, 3) or (3,), the pole vector of the leg; by default as in `pole`
 
     def pole(self, pelvis: Rotation) -> ArrayLike:
-        """The direction of the knee."""
+        """The direction of the knee; by default between the forward directions of pelvis and foot."""
         if self.knee is not None:
             return self.knee
         return normalised(pelvis.apply(FORWARD) * (1, 0, 1)) + 2 * normalised(self.rotation.apply(FORWARD) * (1, 0, 1))

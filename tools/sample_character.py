@@ -205,17 +205,14 @@ def glb() -> bytes:
     worlds = np.tile(np.eye(4), (len(bones.names), 1, 1))
     worlds[:, :3, :3] = ARMATURE_SCALE * bones.rotations.as_matrix()
     worlds[:, :3, 3] = 0.01 * bones.places
-    top = made.add(
-        "nodes", name="Armature", rotation=_numbers(ARMATURE_TURN.as_quat()), scale=[ARMATURE_SCALE] * 3, children=[]
-    )
+    turn = _numbers(ARMATURE_TURN.as_quat())
+    top = made.add("nodes", name="Armature", rotation=turn, scale=[ARMATURE_SCALE] * 3, children=[])
     numbers: list[int] = []
     for joint, parent in enumerate(bones.parents):
         local = np.linalg.inv(worlds[parent] if parent >= 0 else armature) @ worlds[joint]
         scaled = local[:3, :3] / np.cbrt(np.linalg.det(local[:3, :3]))
-        turn = Rotation.from_matrix(scaled).as_quat(canonical=True)
-        numbers.append(
-            made.add("nodes", name=bones.names[joint], translation=_numbers(local[:3, 3]), rotation=_numbers(turn, 8))
-        )
+        place, turn = _numbers(local[:3, 3]), _numbers(Rotation.from_matrix(scaled).as_quat(canonical=True), 8)
+        numbers.append(made.add("nodes", name=bones.names[joint], translation=place, rotation=turn))
         made.document["nodes"][numbers[parent] if parent >= 0 else top].setdefault("children", []).append(numbers[-1])
     binds = np.linalg.inv(worlds)
     binds[:, 3] = [0, 0, 0, 1]

@@ -97,13 +97,8 @@ def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface
     counts = np.ceil((np.asarray(high, float) - low) / cell).astype(int) + 1
     corners = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
     inside = body(corners) < 0
-    around = sum(
-        inside[x : x + counts[0] - 1, y : y + counts[1] - 1, z : z + counts[2] - 1].astype(int)
-        for x in (0, 1)
-        for y in (0, 1)
-        for z in (0, 1)
-    )
-    crossed = (around > 0) & (around < 8)
+    around = np.lib.stride_tricks.sliding_window_view(inside, (2, 2, 2))
+    crossed = around.any(axis=(3, 4, 5)) & ~around.all(axis=(3, 4, 5))
     number = np.full(crossed.shape, -1)
     number[crossed] = np.arange(crossed.sum())
     points = corners[:-1, :-1, :-1][crossed] + 0.5 * cell

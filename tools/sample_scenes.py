@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -42,7 +42,7 @@ from distretarget import Grip, Motion, Prop, Skeleton
 from distretarget.io.obj import parse_obj, static_prop
 from distretarget.skeleton import POSITION_CHANNELS, ROTATION_CHANNELS
 
-NEAREST = ""
+NEAREST = ""  # in place of a joint: the nearest point of a prop
 DURATION = 2.6  # [s]
 OTHER = {"Left": "Right", "Right": "Left"}
 POINTING = hand(fingers=[0.0, 0.0, 1.0], palm=[-1.0, 0.0, 0.0])  # a left hand, the thumb up
@@ -54,11 +54,9 @@ TABLE = 92.0  # height of the table [cm]
 
 
 class Contact(NamedTuple):
-    """Two points that touch from frame `first` to frame `last`, both included. A point is the number of a performer, or
-    of a prop counted after them, and a joint; `NEAREST` for the nearest point of a prop.
-    """
+    """Two points that touch from frame `first` to frame `last`, both included."""
 
-    one: tuple[int, str]
+    one: tuple[int, str]  # the number of a performer, or of a prop counted after them, and a joint, or `NEAREST`
     other: tuple[int, str]
     first: int
     last: int
@@ -73,14 +71,12 @@ class SampleScene(NamedTuple):
 
 
 class Reach(NamedTuple):
-    """The goal of a hand in the performer's own world: places of the wrist, (frames, 3) or (3,) [cm]; rotation of the
-    hand; weight, (frames,), 0 where the arm hangs; direction of the elbow, (3,).
-    """
+    """The goal of a hand in the performer's own world."""
 
-    wrist: ArrayLike
+    wrist: ArrayLike  # its places, (frames, 3) or (3,) [cm]
     hand: Rotation
-    weight: ArrayLike = 1.0
-    elbow: ArrayLike = (0.0, -1.0, -0.3)
+    weight: ArrayLike = 1.0  # (frames,), 0 where the arm hangs
+    elbow: ArrayLike = (0.0, -1.0, -0.3)  # its direction, (3,)
 
 
 def performer(t: Track, trunk: Trunk, reaches: Mapping[str, Reach], feet: Mapping[str, Foot] | None = None) -> Motion:
@@ -239,22 +235,27 @@ def staff() -> SampleScene:
         side: Reach(middle + turn.apply([sign * GRIP, 0.0, 0.0]), on_side(side, fist), 1.0, (0.8 * sign, -0.8, -0.1))
         for side, sign in SIGN.items()
     }
-    along = (0.0, -80.0, -50.0, -GRIP, GRIP, 50.0, 80.0)  # the staff's points, all fixed to the first [cm]
+    points = [(x, 0.0, 0.0) for x in (0.0, -80.0, -50.0, -GRIP, GRIP, 50.0, 80.0)]
+    prop = stick("staff", points, middle, turn, "LeftWrist", "RightWrist")
+    touches = [contact((0, grip.joint), (1, NEAREST), 0.0, t[-1]) for grip in prop.held_by]
+    return SampleScene({"performer": performer(t, _upright(t, 3, 3, 6), reaches)}, touches, (prop,))
+
+
+def stick(name: str, points: Sequence[ArrayLike], place: Points, turn: Rotation, *holders: str) -> Prop:
+    """A prop of points, (3,) each [cm], all fixed to the first, which is at a place, (frames, 3), in each frame."""
     skeleton = Skeleton(
-        names=tuple(f"staff{number or ''}" for number in range(len(along))),
-        parents=np.append(-1, np.zeros(len(along) - 1, np.intp)),
-        offsets=np.array([[x, 0.0, 0.0] for x in along]),
-        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(along) - 1)),
-        end_sites=np.arange(len(along)) > 0,
+        names=tuple(f"{name}{number or ''}" for number in range(len(points))),
+        parents=np.append(-1, np.zeros(len(points) - 1, np.intp)),
+        offsets=np.array(points, float),
+        channels=(POSITION_CHANNELS + ROTATION_CHANNELS, *[()] * (len(points) - 1)),
+        end_sites=np.arange(len(points)) > 0,
         units="cm",
         up="Y",
     )
-    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(t), len(along), 1))
+    rotations = np.tile([0.0, 0.0, 0.0, 1.0], (len(place), len(points), 1))
     rotations[:, 0] = turn.as_quat()
-    grips = (Grip(0, "LeftWrist"), Grip(0, "RightWrist"))
-    prop = Prop(name="staff", motion=Motion(skeleton, middle, rotations, FRAME_TIME), held_by=grips)
-    touches = [contact((0, grip.joint), (1, NEAREST), 0.0, t[-1]) for grip in grips]
-    return SampleScene({"performer": performer(t, _upright(t, 3, 3, 6), reaches)}, touches, (prop,))
+    motion = Motion(skeleton, place, rotations, FRAME_TIME)
+    return Prop(name=name, motion=motion, held_by=tuple(Grip(0, joint) for joint in holders))
 
 
 def sit_on_chair() -> SampleScene:

@@ -59,9 +59,7 @@ ABOVE_FLOOR = 20.0  # joints that rest higher rest on a wall or a rung [cm]
 
 @dataclass(frozen=True)
 class Support:
-    """A joint or End Site that stands still from frame `first` to `last`, both included, on the `FLOOR` or in the
-    `WORLD`.
-    """
+    """A joint or End Site that stands still from frame `first` to `last`, both included, on `FLOOR` or in `WORLD`."""
 
     joint: str
     first: int

@@ -148,9 +148,3 @@ def in_axes(motion: Motion, axes: Rotation) -> Motion:
 def z_up(skeleton: Skeleton) -> Skeleton:
     """The skeleton turned from Y up, facing +Z, to Z up, facing -Y."""
     return replace(skeleton, offsets=skeleton.offsets[:, [0, 2, 1]] * (1, -1, 1), up="Z")
-
-
-def on_skeleton(motion: Motion, skeleton: Skeleton) -> Motion:
-    """The motion on its skeleton with joints appended; these do not rotate."""
-    still = np.tile([0.0, 0.0, 0.0, 1.0], (len(motion), len(skeleton) - len(motion.skeleton), 1))
-    return replace(motion, skeleton=skeleton, rotations=np.concatenate([motion.rotations, still], axis=1))

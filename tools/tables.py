@@ -31,9 +31,7 @@ def mean_and_largest(values: ArrayLike, form: str) -> str:
 
 
 def with_tables(page: Path, tables: Mapping[str, str]) -> str:
-    """The text of a page with generated parts replaced between `<!-- name -->`, or `<!-- name: ... -->`, and `<!-- end
-    -->`.
-    """
+    """A page with generated parts replaced between `<!-- name -->`, or `<!-- name: ... -->`, and `<!-- end -->`."""
     text = page.read_text("utf-8")
     for name, rows in tables.items():
         place = re.compile(rf"(<!-- {re.escape(name)}(?:: .*?)? -->\n).*?(<!-- end -->)", re.DOTALL)

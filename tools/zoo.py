@@ -36,7 +36,7 @@ from distretarget.skeleton import POSITION_CHANNELS
 
 INWARDS = {"left": -1.0, "right": 1.0}  # along X
 TABLES: Mapping[str, Any] = tomllib.loads(Path(__file__).with_suffix(".toml").read_text("utf-8"))
-BUILDS, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "fingers", "hands", "handles"))
+BUILDS, FACE, FINGERS, HANDS, HANDLES = (TABLES[name] for name in ("builds", "face", "fingers", "hands", "handles"))
 
 
 # ---- the sample rigs: an adult of about 1.75 m (segment lengths: Winter, Biomechanics and Motor Control, 4.1)
@@ -335,14 +335,8 @@ def face(skeleton: Skeleton, naming: Naming) -> Skeleton:
     """Jaws and eyes instead of the crown, as in Character Creator, below a joint almost at the head [cm]."""
     head, names = roles(skeleton)["head"], naming.face.format
     skeleton = with_chain(bare(skeleton, head), head, {names(Part="FacialBone"): (0.0, -0.01, 0.01)})
-    bones = {
-        "JawRoot": (0.0, 1.6, 2.6),
-        "UpperJaw": (0.0, 3.0, 6.9),
-        "L_Eye": (3.3, 8.2, 8.2),
-        "R_Eye": (-3.3, 8.2, 8.2),
-    }
     middle = len(skeleton) - 1
-    for part, offset in bones.items():
+    for part, offset in FACE.items():
         skeleton = with_chain(skeleton, middle, {names(Part=part): offset})
     return skeleton
 

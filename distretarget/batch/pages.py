@@ -30,14 +30,14 @@ TABLES = (".csv", ".parquet")
 TEXTS = ("output", "status", "input", "target", "verdict", "warnings", "error")
 HASHES = ("input_hash", "target_hash", "output_hash", "version")
 TABLE = (*TEXTS, "frames", *HASHES, "notes", *COLUMNS)  # the columns
-TABLE_HEAD = ",".join(TEXTS)  # the beginning of a CSV file that a batch wrote
+TABLE_HEAD = ",".join(TEXTS).encode()  # the beginning of a CSV file that a batch wrote
 PARQUET_MARK = b"distretarget_version"  # key in the metadata of a Parquet file that a batch wrote
-PARQUET_TAIL = 1 << 18  # size of the end of a Parquet file in which its metadata is [bytes]
+PARQUET_TAIL = 1 << 18  # size of the end of a Parquet file, in which its metadata is [bytes]
 SEPARATOR = " | "  # between the warnings, or notes, of a clip
 MARK = '<meta name="generator" content="distretarget">'
 OUTPUT_MARK = '<meta name="output" content="{}">'  # with the hash of the output that a report is about
 PLAYED = 24  # clips in the player of the page about all clips
-HEAD = 4096  # the first characters of a page, in which MARK and OUTPUT_MARK are looked for
+HEAD = 4096  # size of the beginning of a page, in which MARK and OUTPUT_MARK are looked for [bytes]
 ABSOLUTE = re.compile(r"^(?:/|[A-Za-z]:[/\\]|\\\\).*?([^/\\]*[/\\])$", re.DOTALL)  # a folder, and its name
 METRIC_COLUMNS = tuple(name for name, (_, one) in COLUMNS.items() if "page over clips" in one.places)
 FIELDS = ("clip", "link", "stage", "target", "done", "frames", "seconds", "warnings", "error", *METRIC_COLUMNS)
@@ -149,10 +149,12 @@ class Pages:
 
     def _is_own(self, path: Path) -> bool:
         """Whether this program wrote a file."""
-        if path.suffix.lower() in TABLES:
-            is_text = path.suffix.lower() == ".csv"
-            return _head(path).startswith(TABLE_HEAD) if is_text else PARQUET_MARK in _tail(path)
-        return MARK in _head(path)
+        match path.suffix.lower():
+            case ".csv":
+                return _part(path, HEAD).startswith(TABLE_HEAD)
+            case ".parquet":
+                return PARQUET_MARK in _part(path, -PARQUET_TAIL)
+        return MARK.encode() in _part(path, HEAD)
 
     def _report_path(self, output: str) -> Path:
         index = self.index or Path()
@@ -160,7 +162,7 @@ class Pages:
 
     def _has_report(self, record: BatchRecord) -> bool:
         """Whether a clip has a report on its present output, not on an earlier one."""
-        return OUTPUT_MARK.format(record["output_hash"]) in _head(self._report_path(record["output"]))
+        return OUTPUT_MARK.format(record["output_hash"]).encode() in _part(self._report_path(record["output"]), HEAD)
 
 
 def _worst_done(records: Iterable[BatchRecord]) -> list[BatchRecord]:
@@ -177,20 +179,13 @@ def _stages(records: Sequence[BatchRecord], folder: Path) -> Iterator[tuple[str,
             yield record["output"], small_stage(files[0], record["options"].get("clip"), files[1])
 
 
-def _head(path: Path) -> str:
-    """The beginning of a text file; empty if it cannot be read: writing it will then report the error."""
+def _part(path: Path, size: int) -> bytes:
+    """The beginning of a file, of a negative size its end; empty if it cannot be read: writing it will report why."""
     with suppress(OSError):
         if path.is_file():
-            with path.open(encoding="utf-8", errors="replace") as file:
-                return file.read(HEAD)
-    return ""
-
-
-def _tail(path: Path) -> bytes:
-    """The end of a file, where Parquet has its metadata; empty if it cannot be read."""
-    with suppress(OSError), path.open("rb") as file:
-        file.seek(max(path.stat().st_size - PARQUET_TAIL, 0))
-        return file.read()
+            with path.open("rb") as file:
+                file.seek(max(path.stat().st_size + size, 0) if size < 0 else 0)
+                return file.read(abs(size))
     return b""
 
 

@@ -380,9 +380,7 @@ class Results:
         self.database.add(record, {hash_of_file(self.folder / name) for name in outputs} - {None})
 
     def put(self, record: BatchRecord, contents: Mapping[str, Parts]) -> BatchRecord:
-        """Write the results of a clip by path, the first last; return its record. A FileError leaves the first as it
-        was.
-        """
+        """Write a clip's results by path, the first last; return its record. A FileError leaves the first as it was."""
         first, *others = contents
         hashes = {name: hash_of(*parts) for name, parts in contents.items()}
         record = {**record, "output_hash": hashes[first], "others": {name: hashes[name] for name in others}}

@@ -18,6 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, CancelledError, Executor, Future
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
+from itertools import chain
 from multiprocessing import connection, resource_tracker
 from multiprocessing.context import ForkServerContext, SpawnContext
 from multiprocessing.util import get_temp_dir
@@ -393,14 +394,11 @@ def convert_all(workers: Workers, jobs: Iterable[Job]) -> Iterator[Result]:
 def _finished(workers: Workers, jobs: Iterable[Job]) -> Iterator[tuple[Job, Result | None]]:
     """Retarget clips, and yield the jobs with their results, None if the worker died."""
     running = 0
-    for job in jobs:
-        workers.submit(job)
-        running += 1
-        while running >= QUEUED * workers.count:
+    for job in chain(jobs, [None]):  # after the last one, wait for all
+        if job:
+            workers.submit(job)
+            running += 1
+        while running >= (QUEUED * workers.count if job else 1):
             for finished in workers.finished():
                 running -= 1
                 yield finished
-    while running:
-        for finished in workers.finished():
-            running -= 1
-            yield finished

@@ -150,9 +150,7 @@ class Body:
 
     @rig_property
     def unit(self) -> float:
-        """The body unit [file units]: twice the leg length, or the height where legs are shorter than half of it; the
-        longest path without legs.
-        """
+        """The body unit [file units]: two legs, or the height if that is more; without legs the longest path."""
         return max(2.0 * self.leg_length, self.height) if self.legs else self.skeleton.longest_path
 
     @rig_property

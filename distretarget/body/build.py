@@ -143,9 +143,7 @@ def average_build(name: str) -> Build:
 
 
 def age_of(body: Body) -> str:
-    """Return the age whose average body has the most similar leg length and height of the head over the shoulders, both
-    relative to the size of the body; the adult if bones do not show both.
-    """
+    """Return the age whose average body has the most similar `proportions`; the adult if bones do not show them."""
     shown = proportions(body)
     if shown is None:
         return AGES[0]

@@ -181,9 +181,7 @@ def leg_length(skeleton: Skeleton, legs: Sequence[Leg]) -> float:
 
 
 def hanging_distances(hanging: Array, u: Numbers, v: Numbers, tau: Array) -> Array:
-    """Return D of joints u and v, (pairs,) each, over the path lengths `tau`, (pairs,), in a body with hanging arms,
-    whose joints are at `hanging`, (joints, 3).
-    """
+    """Return D of joints u and v over path lengths `tau`, (pairs,) each, while arms hang, with joints at `hanging`."""
     return lengths(hanging[u] - hanging[v]) / tau
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
 
 import numpy as np
 
@@ -59,8 +61,7 @@ class Causes:
             lie = [name for name, body in bodies.items() if not body.stands]
             return f"nobody can stand in the rest pose of the {' or the '.join(lie)}" if lie else ""
         joint = self._joint(part)
-        limbs = (*self._legs(), *self._arms())
-        limb = next((one for one in limbs if joint is not None and self._is_below(joint, one.top)), None)
+        limb = next((one for one in self.limbs if joint is not None and self._is_below(joint, one.top)), None)
         if joint is None or limb is None:
             return ""
         if metric.key in OF_REACH and self._is_below(joint, limb.end) and self.is_straight(limb, frame):
@@ -79,8 +80,7 @@ class Causes:
 
     def leg_of(self, support: int) -> LimbJoints | None:
         """The leg of a support; None if this is not a foot joint."""
-        legs = self._legs()
-        return legs[support // 2] if legs and support < self.supports.feet else None
+        return self.limbs[support // 2] if support < self.supports.feet else None
 
     def _of_rests(self, limb: LimbJoints, frame: int) -> str:
         """Which joint of a limb comes to rest or leaves its rest at a frame, in words; empty if none does."""
@@ -107,15 +107,12 @@ class Causes:
         if part in keys:
             return keys.index(part)
         side = part.partition(" ")[0]
-        return next((limb.end for limb in self._arms() if limb.name == f"{side} arm"), None)
+        return next((limb.end for limb in self.limbs if limb.name == f"{side} arm"), None)
 
-    def _legs(self) -> list[LimbJoints]:
-        legs = self.matching.legs[1] if self.matching.legs else ()
-        return [LimbJoints(f"{side} leg", leg.hip, leg.ankle) for side, leg in zip(SIDES, legs, strict=False)]
-
-    def _arms(self) -> Iterator[LimbJoints]:
-        body = self.matching.target
-        for side in SIDES:
-            for arm in body.arms:
-                if arm.end == body.roles.get(f"{side}Hand"):
-                    yield LimbJoints(f"{side} arm", arm.top, arm.end)
+    @cached_property
+    def limbs(self) -> list[LimbJoints]:
+        """The legs of the target, then its arms."""
+        body, legs = self.matching.target, self.matching.legs[1] if self.matching.legs else ()
+        arms = ((side, arm) for side, arm in product(SIDES, body.arms) if arm.end == body.roles.get(f"{side}Hand"))
+        ends = [(f"{side} leg", leg.hip, leg.ankle) for side, leg in zip(SIDES, legs, strict=False)]
+        return [LimbJoints(*each) for each in (*ends, *((f"{side} arm", arm.top, arm.end) for side, arm in arms))]

@@ -85,9 +85,7 @@ class PerformerFiles(SceneClip):
 
 @dataclass(frozen=True, kw_only=True)
 class PropFiles(SceneClip):
-    """A prop of a scene; `scale` and `held_by` are as in `Prop`. A prop in a performer's file, such as a sword, is held
-    by the joint above, unless `held_by` names others.
-    """
+    """A prop of a scene, as `Prop`; one in a performer's file is held by the joint above, or by those in `held_by`."""
 
     part_of: Grip | None = None  # the joint of a performer at which the prop begins; None for a file of its own
     scale: PropScale = "world"

@@ -79,9 +79,7 @@ class Core:
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
     def distance_to_clear(self, other: Core, along: Array, overlap: float, ahead: float = 0.5) -> Array:
-        """(frames,), how far to move along unit vectors, (frames, 3), until no balls `ahead` overlap by more than
-        `overlap`.
-        """
+        """(frames,), how far to move along unit vectors, (frames, 3), to leave balls `ahead` an `overlap` at most."""
         distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
         write_exit_distances(centres, radii, others, other_radii, along, overlap, ahead, distances)
@@ -94,43 +92,18 @@ def separated(contacts: SceneContacts, skins: Sequence[Skins | None]) -> SceneCo
     found = [each for both in combinations(known, 2) for each in _separations(contacts, skins, both)]
     moves = np.zeros((len(skins), len(contacts.performers[0].clip), 3))
     for _ in range(ROUNDS):
-        for each in found:
-            each.add_to(moves)
+        for add_to in found:
+            add_to(moves)
     moved = [moved_by(*each) for each in zip(contacts.performers, moves, strict=True)]
     return replace(contacts, performers=tuple(moved)) if moves.any() else contacts
 
 
-@dataclass(frozen=True, eq=False)
-class _Separation:
-    """How two performers are moved apart in a direction."""
-
-    numbers: tuple[int, int]
-    cores: Sequence[Core]  # of both before they are moved
-    unit: float  # of lengths in the cores [target file units]
-    along: Array  # (frames, 3), the unit vectors along which the first moves, and against which the second; or 0
-    allowed: Array  # (frames,), the distance to clear that may remain
-    shares: Array  # (frames, 2), of each performer in the offset
-    speed: Array  # (frames,), the largest change of the offset [per frame]
-    shots: Numbers  # (frames,)
-    soft: float  # over which the offset is smoothed on each side [frames]
-
-    def add_to(self, moves: Array) -> None:
-        """Add what separates the two to the offsets of all performers, (performers, frames, 3) [target file units]."""
-        one, other = (
-            replace(core, centres=core.centres + (moves[number] / self.unit)[:, None])
-            for number, core in zip(self.numbers, self.cores, strict=True)
-        )
-        lack = np.maximum(one.distance_to_clear(other, self.along, FLESH) - self.allowed, 0.0)
-        if lack.any():
-            offset = by_shot(partial(_slowed, frames=self.soft), self.shots, lack, self.speed)
-            for number, share in zip(self.numbers, (self.shares * [1.0, -1.0]).T, strict=True):
-                moves[number] += self.unit * (share * offset)[:, None] * self.along
-
-
 def _separations(
     contacts: SceneContacts, skins: Sequence[Skins | None], numbers: tuple[int, int]
-) -> Iterator[_Separation]:
-    """How two performers are moved apart: along the floor, or upwards, where only the upper one moves."""
+) -> Iterator[Callable[[Array], None]]:
+    """How two performers are moved apart, along the floor, or upwards, where only the upper one moves: functions that
+    add an offset of both to those of all performers, (performers, frames, 3) [target file units].
+    """
     up, both = contacts.performers[0].clip.up, [contacts.performers[number] for number in numbers]
     pelvises = [one.clip.source.positions[:, one.clip.drivers[one.clip.pelvis]] @ up for one in both]
     if np.mean(np.subtract(*pelvises)) < 0.0:  # the first is the one that is higher
@@ -155,16 +128,28 @@ def _separations(
     free = np.stack([_is_free(contacts, number) for number in numbers], axis=1).astype(float)
     steps = np.max([_steps(one.supports) for one in both], axis=0)
     speed = SPEED * time * np.maximum(steps, STANDING)
-    separation = partial(_Separation, numbers, unit=unit, speed=speed, shots=shots, soft=SOFT / time)
+
+    def separate(both: Sequence[Core], along: Array, allowed: Array, shares: Array, moves: Array) -> None:
+        """Move both apart `along` unit vectors by `shares`, (frames, 2), of what clears them but for `allowed`."""
+        one, other = (
+            replace(core, centres=core.centres + (moves[number] / unit)[:, None])
+            for number, core in zip(numbers, both, strict=True)
+        )
+        lack = np.maximum(one.distance_to_clear(other, along, FLESH) - allowed, 0.0)
+        if lack.any():
+            offset = by_shot(partial(_slowed, frames=SOFT / time), shots, lack, speed)
+            for number, share in zip(numbers, (shares * [1.0, -1.0]).T, strict=True):
+                moves[number] += unit * (share * offset)[:, None] * along
+
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
         one, other = of_source
         to_clear = [one.distance_to_clear(other, along, -TOUCH, -1.0) for along in (sideways, upwards)]
         is_on = by_shot(run_means, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
-        yield separation(of_target, along=upwards, allowed=np.where(is_on, 0.0, np.inf), shares=free * [1.0, 0.0])
+        yield partial(separate, of_target, upwards, np.where(is_on, 0.0, np.inf), free * [1.0, 0.0])
         if of_target is targets:
             allowed = np.where(is_on, np.inf, sources[0].distance_to_clear(sources[1], sideways, 0.0))
             shares = free / np.maximum(free.sum(axis=1)[:, None], 1.0)
-            yield separation(targets, along=sideways, allowed=allowed, shares=shares)
+            yield partial(separate, targets, sideways, allowed, shares)
 
 
 def _slowed(distances: Array, speed: Array, frames: float) -> Array:
