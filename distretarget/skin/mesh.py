@@ -16,6 +16,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import HALF_TURN
 
+SAME_SHARE = 1e-9  # weights that differ by less are the same
 SAME_PLACE = 1e-6  # vertices this near to each other are at one place [sizes of the mesh]
 
 
@@ -58,8 +59,8 @@ class SkinnedMesh:
 
     @cached_property
     def carriers(self) -> Numbers:
-        """(vertices,), the joint with the largest weight of each vertex."""
-        return np.asarray(self.joints[np.arange(len(self.joints)), self.weights.argmax(axis=1)])
+        """(vertices,), the joint with the largest weight of each vertex; of equals the first, on both sides of a body."""
+        return largest_first(self.joints, self.weights)
 
     @property
     def firsts(self) -> Numbers:
@@ -108,6 +109,12 @@ class SkinnedMesh:
     def scaled(self, factor: float) -> SkinnedMesh:
         """Return the mesh of a body that is larger by a factor."""
         return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
+
+
+def largest_first(numbers: Numbers, shares: Array) -> Numbers:
+    """Return the least of the numbers whose shares are the largest of their row, (n,), of (n, influences) each."""
+    are_largest = shares > shares.max(axis=1, keepdims=True, initial=0.0) - SAME_SHARE
+    return np.asarray(np.where(are_largest, numbers, np.iinfo(np.intp).max).min(axis=1))
 
 
 def _influences(joints: Numbers, weights: Array) -> Iterator[tuple[int, Numbers, Array]]:
