@@ -17,7 +17,7 @@ from distretarget.skin.capsules import LEAST
 
 MARGIN = 0.005  # gaps larger than this both with and without displacements have no tangent [body units]
 COMPLIANCE = 0.18  # of the tangents of gaps, which bounds the pushes of limbs that have no room to leave a body
-LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement are not pushed
+LEAST_SHARE = 0.49  # balls that move by a smaller share of a displacement are not pushed; at 0.5 are middles of parts
 
 
 class Displaced(NamedTuple):
