@@ -93,7 +93,7 @@ def constrained_result(
         bound = constrain(free, constraints)
     made = constraints.made
     solved = _solved(bound, poses, mapper)
-    for _ in range(1, ROUNDS):
+    for _ in range(1, ROUNDS if any(each.pair for each in made) else 1):
         reached = _reached(bound, bound.posed(solved), made)
         offsets = [joint_offset(reached, each.pair, bound.clip) if each.pair else None for each in made]
         bound = constrain(free, constraints, offsets)
