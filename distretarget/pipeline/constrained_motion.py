@@ -243,8 +243,8 @@ def _added(without: Motion, bound: Motion, share: Array, lead: Numbers) -> Array
     """(frames, joints + 1, 3), what blending adds to a shot: rotation vectors of joints [rad], the root's offset.
     It may be 0 where the share is 1, as `bound` is taken there.
     """
-    spans, slope, goes_on = spans_of(share > 0.0).tolist(), round(SLOPE / without.frame_time), GOES_ON / without.frame_time
-    used = share < 1.0
+    slope, goes_on = round(SLOPE / without.frame_time), GOES_ON / without.frame_time
+    spans, used = spans_of(share > 0.0).tolist(), share < 1.0
     for first, end in spans:
         used[[first, min(first + slope, end - 1), max(end - 1 - slope, first), end - 1]] = True
     turns = (_quaternions(without.rotations[used]).inv() * _quaternions(bound.rotations[used])).as_rotvec()

@@ -32,6 +32,7 @@ class Tangents(NamedTuple):
     """Linear functions of displacements: value + normal . (sum of shares times displacements), each with a push."""
 
     limbs: I2  # (tangents, 2), the two limbs that are displaced
+    order: I1  # (tangents,), the tangents in the order in which they push, last first
     shares: F2  # (tangents, 4), of the displacements of middle and end of the two limbs
     moves: F2  # (tangents, 4), the displacements of these along the normal by a push of 1
     normals: F2  # (tangents, 3)
@@ -40,14 +41,13 @@ class Tangents(NamedTuple):
     compliance: F1  # (tangents,), added to the value per push
     least: F1  # (tangents,), the least push: 0 for gaps, which only push
     pushes: F1  # (tangents,)
-    order: I1  # (tangents,), the tangents in the order in which they push, last first
 
 
 def tangents_for(balls: Balls, limbs: int) -> Tangents:
     """Return scratch for the tangents of a frame of a body with so many limbs."""
     most = int((balls.gap_offsets < NEVER).sum()) + 2 * limbs
     of_four = (np.zeros((most, width)) for width in (4, 4, 3))
-    return Tangents(np.zeros((most, 2), np.intp), *of_four, *np.zeros((5, most)), np.zeros(most, np.intp))
+    return Tangents(np.zeros((most, 2), np.intp), np.zeros(most, np.intp), *of_four, *np.zeros((5, most)))
 
 
 @inlined(fastmath=True)
