@@ -109,24 +109,27 @@ class LimbReach:
     def arms_out_of_trunk(self, motion: Motion, weights: Sequence[Array]) -> Motion:
         """Return a motion in which the arms of user contacts are moved out of the trunk, forwards."""
         constraints, body, limbs = self.constraints, self.body, self.skin.limbs
+        each = zip(constraints, weights, strict=True)
+        contacts = [(constraint, weight) for constraint, weight in each if isinstance(constraint.entry, Contact)]
+        if not contacts:
+            return motion
         clip, moved = constraints.clip, np.zeros((len(motion), len(limbs), 3))
         spine = body.anatomy.spine if body.anatomy else ()
         front, posed = front_of(body, motion, spine[-1] if spine else clip.pelvis), self.skin.posed(motion)
-        for constraint, weight in zip(constraints, weights, strict=True):
-            if isinstance(constraint.entry, Contact):
-                moving = _moving(constraints, constraint, self.supports, limbs)
-                on, out = np.flatnonzero(constraint.frames), np.zeros(len(motion))
-                out[on] = _distance_out(self.skin, posed[on], np.concatenate(constraint.joints), front[on])
-                out = clip.averaged(clip.widened(out[:, None], OUT)[:, 0], OUT)
-                for number, _, free, _ in moving:
-                    if limbs[number].is_arm:
-                        moved[:, number] += (free * weight * out)[:, None] * clip.unit * front
+        for constraint, weight in contacts:
+            moving = _moving(constraints, constraint, self.supports, limbs)
+            on, out = np.flatnonzero(constraint.frames), np.zeros(len(motion))
+            out[on] = _distance_out(self.skin, posed[on], np.concatenate(constraint.joints), front[on])
+            out = clip.averaged(clip.widened(out[:, None], OUT)[:, 0], OUT)
+            for number, _, free, _ in moving:
+                if limbs[number].is_arm:
+                    moved[:, number] += (free * weight * out)[:, None] * clip.unit * front
         return self._moved(motion, moved, 0.0)
 
     def _moved(self, motion: Motion, displacements: Array, steady: float) -> Motion:
         """The motion with the ends of limbs displaced, (frames, limbs, 3) [file units], as far as limbs reach."""
         clip, limbs = self.constraints.clip, self.skin.limbs
-        if not limbs:  # as on figures of blocks, whose limbs do not bend
+        if not displacements.any():  # as on figures of blocks, whose limbs do not bend
             return motion
         displacements = clip.averaged(displacements, steady) * (self.constraints.share > 0.0)[:, None, None]
         poles, firmness = self._poles(motion, displacements)

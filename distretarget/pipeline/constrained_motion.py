@@ -93,7 +93,7 @@ def constrained_result(
         bound = constrain(free, constraints)
     made = constraints.made
     solved = _solved(bound, poses, mapper)
-    for _ in range(1, ROUNDS):
+    for _ in range(1, ROUNDS if any(each.pair for each in made) else 1):
         reached = _reached(bound, bound.posed(solved), made)
         offsets = [joint_offset(reached, each.pair, bound.clip) if each.pair else None for each in made]
         bound = constrain(free, constraints, offsets)
@@ -240,12 +240,18 @@ def _blended(without: Motion, bound: Motion, share: Array, lead: Numbers, shots:
 
 
 def _added(without: Motion, bound: Motion, share: Array, lead: Numbers) -> Array:
-    """(frames, joints + 1, 3), what blending adds to a shot: rotation vectors of joints [rad], the root's offset."""
-    turns = (_quaternions(without.rotations).inv() * _quaternions(bound.rotations)).as_rotvec()
-    offsets = bound.root_positions - without.root_positions
-    differ = np.concatenate([turns.reshape(len(offsets), -1, 3), offsets[:, None]], axis=1)
-    added, spans = share[:, None, None] * differ, spans_of(share > 0.0).tolist()
+    """(frames, joints + 1, 3), what blending adds to a shot: rotation vectors of joints [rad], the root's offset.
+    It may be 0 where the share is 1, as `bound` is taken there.
+    """
     slope, goes_on = round(SLOPE / without.frame_time), GOES_ON / without.frame_time
+    spans, used = spans_of(share > 0.0).tolist(), share < 1.0
+    for first, end in spans:
+        used[[first, min(first + slope, end - 1), max(end - 1 - slope, first), end - 1]] = True
+    turns = (_quaternions(without.rotations[used]).inv() * _quaternions(bound.rotations[used])).as_rotvec()
+    differ = np.zeros((len(share), len(without.skeleton) + 1, 3))
+    differ[used, :-1] = turns.reshape(len(used[used]), -1, 3)
+    differ[used, -1] = bound.root_positions[used] - without.root_positions[used]
+    added = share[:, None, None] * differ
 
     def beyond(edge: int, inner: int, frames: Numbers) -> Array:
         """The fading difference in frames beyond the edge of a span, with the slope between edge and a frame inside."""

@@ -24,6 +24,7 @@ from distretarget.skin.tangents import (
     Tangents,
     find_gaps,
     find_lengths,
+    order_gaps,
     place_displaced,
     push,
     tangents_for,
@@ -34,7 +35,7 @@ FRESH_PASSES = 4  # linearisations of a frame that begins without displacements
 MUCH_SHORTER = 0.8  # displacements shorter than this share of the others are much shorter
 SWEEPS = 12  # of Gauss-Seidel over all tangents, at most
 SETTLED = 1e-3  # sweeps and passes end where the sum of changes is less than this [body units]
-NOTHING = 1e-4  # displacements whose components sum to less than this are set to zero [body units]
+NOTHING = 1e-4  # displacements whose components sum to less than this are set to zero, and have no side [body units]
 SAME = 0.005  # displacements that differ by less are on the same side [body units]
 
 
@@ -163,6 +164,7 @@ def _pass(balls, displaced, frames, frame, d, from_zero, room):  # type: ignore[
     place_displaced(balls, displaced, frames.posed[frame], d, room.ends, room.placed)
     count = find_gaps(balls, displaced, room.placed, frames.free[frame], d, frames.soft[frame], room.rows)
     if count > 0:
+        order_gaps(room.rows, count)
         count = find_lengths(frames.limbs[frame], frames.free[frame], d, room.rows, count)
     if from_zero:
         clear(d)
@@ -195,7 +197,7 @@ def _any_shorter(d: Array, other: Array) -> bool:
 @inlined(fastmath=True)
 def _is_shorter(one: Array, other: Array) -> bool:
     """Whether the displacements `one` of a limb are much shorter than `other`, and less than a right angle away."""
-    return bool(_dot(one, one) < MUCH_SHORTER**2 * _dot(other, other) and _dot(one, other) > 0.0)
+    return bool(_dot(one, one) < MUCH_SHORTER**2 * _dot(other, other) and _dot(one, other) > NOTHING**2)
 
 
 @inlined(fastmath=True)
@@ -211,8 +213,8 @@ def _push_all(rows, count, d):  # type: ignore[no-untyped-def]
     """Solve the first `count` tangents by projected Gauss-Seidel, from displacements d."""
     for _ in range(SWEEPS):
         moved = 0.0
-        for row in range(count - 1, -1, -1):
-            moved += push(rows, row, d)
+        for n in range(count - 1, -1, -1):
+            moved += push(rows, rows.order[n], d)
         if moved < SETTLED:
             break
 

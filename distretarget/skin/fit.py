@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import GROUP, SEGMENTS, Capsules, no_capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import SkinnedMesh, with_largest_share
 
 MOST_POINTS = 30_000  # that the mesh is sampled with
 FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
@@ -139,7 +139,7 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     influences = part_of[mesh.joints[triangles]].reshape(len(triangles), -1)
     weights = mesh.weights[triangles].reshape(influences.shape)
     shares = np.stack([((influences == each[:, None]) * weights).sum(axis=1) for each in influences.T], axis=1)
-    owners = influences[np.arange(len(shares)), shares.argmax(axis=1)]
+    owners = with_largest_share(influences, shares)
     corners = mesh.vertices[triangles]
     areas = 0.5 * lengths(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     quarters = QUARTERS if 4 * len(triangles) <= MOST_POINTS else QUARTERS[:1]

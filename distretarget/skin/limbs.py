@@ -49,9 +49,9 @@ def shares_of(
         on = np.isin(joints, skeleton.subtree(limb.top))
         top, middle, end = places[[*limb.joints]]
         upper, lower = _along(top, middle, points[on]), _along(middle, end, points[on])
-        bends = (upper >= 1.0) | (lower > 0.0)
+        is_lower = np.isin(joints[on], skeleton.subtree(limb.middle))
         numbers[on] = number
-        shares[on] = np.where(bends, [1.0 - lower, lower], [upper, 0.0 * upper]).T
+        shares[on] = np.where(is_lower, [1.0 - lower, lower], [upper, 0.0 * upper]).T
     return numbers, shares
 
 

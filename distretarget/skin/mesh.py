@@ -16,6 +16,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Numbers
 from distretarget.skeleton import HALF_TURN
 
+SAME_SHARE = 1e-9  # differences of weights below this are rounding errors
 SAME_PLACE = 1e-6  # vertices this near to each other are at one place [sizes of the mesh]
 
 
@@ -58,8 +59,8 @@ class SkinnedMesh:
 
     @cached_property
     def carriers(self) -> Numbers:
-        """(vertices,), the joint with the largest weight of each vertex."""
-        return np.asarray(self.joints[np.arange(len(self.joints)), self.weights.argmax(axis=1)])
+        """(vertices,), the joint with the largest weight of each vertex; of several the first."""
+        return with_largest_share(self.joints, self.weights)
 
     @property
     def firsts(self) -> Numbers:
@@ -108,6 +109,14 @@ class SkinnedMesh:
     def scaled(self, factor: float) -> SkinnedMesh:
         """Return the mesh of a body that is larger by a factor."""
         return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
+
+
+def with_largest_share(numbers: Numbers, shares: Array) -> Numbers:
+    """Return for each row the number with the largest share, (n,), of several the least, so that it does not depend on
+    their order, as on the two sides of a body; `numbers` and `shares` are (n, influences).
+    """
+    are_largest = shares > shares.max(axis=1, keepdims=True, initial=0.0) - SAME_SHARE
+    return np.asarray(np.where(are_largest, numbers, np.iinfo(np.intp).max).min(axis=1))
 
 
 def _influences(joints: Numbers, weights: Array) -> Iterator[tuple[int, Numbers, Array]]:

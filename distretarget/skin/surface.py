@@ -15,7 +15,7 @@ from distretarget.motion import Motion
 from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.mesh import SkinnedMesh
+from distretarget.skin.mesh import SAME_SHARE, SkinnedMesh
 from distretarget.skin.surface_gaps import Bound, GapWorkspace, Points, Runs, write_gaps
 
 # The number of points of each segment: limbs are thin, and the parts that they touch are large.
@@ -24,7 +24,6 @@ OTHER_POINTS = 120
 STEPS = (0.7548776662466927, 0.5698402909980532)  # of a low-discrepancy sequence on the unit square
 AT_CORNER = 0.98  # the barycentric coordinate of a point at a corner of its triangle
 RUN = 8  # the most points of a run of neighbours
-SAME_SHARE = 1e-9  # relative differences of weights below this are rounding errors
 OBLIQUE = Rotation.from_euler("xyz", [0.5, 0.7, 0.9]).as_matrix()  # axes along which the corners of a box differ
 OF_SIDE = [np.array([name.startswith(side) for name in SEGMENTS]) for side in ("left", "right")]
 
@@ -42,7 +41,8 @@ class SurfaceSamples:
     @classmethod
     def of(cls, mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules) -> SurfaceSamples:
         """Return the surface of a body with these capsules; `of_joint`, (joints,), are the segments of its joints."""
-        folded, sides = _folded(mesh.vertices, skeleton, capsules)
+        plane = _middle_plane(skeleton, capsules)
+        folded, sides = _folded(mesh.vertices, *plane)
         triangles, numbers, radii, segments = _spread(mesh, skeleton, of_joint, capsules, folded, sides)
         corners, count = mesh.triangles[np.abs(triangles) - 1], len(triangles)
         order = folded[corners, 0].argsort(axis=1)
@@ -52,7 +52,7 @@ class SurfaceSamples:
         shares, leads_in = _shares(triangles, numbers, are_large), (triangles > 0) != is_even
         corners = np.where(leads_in[:, None], corners[:, [0, 2, 1]], corners)
         shares, normals = np.where(leads_in, shares[[0, 2, 1]], shares), np.where(leads_in[:, None], -normals, normals)
-        groups = _by_neighbours((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), segments)
+        groups = _by_neighbours(*_folded((shares.T[..., None] * mesh.vertices[corners]).sum(axis=1), *plane), segments)
         order = np.concatenate([segments[:0], *groups])
         corners, shares, radii, are_large = corners[order], shares[:, order], radii[order], are_large[order]
         none, one = np.zeros(count), np.ones(count)
@@ -90,23 +90,29 @@ class SurfaceSamples:
         return gaps
 
 
-def _folded(vertices: Array, skeleton: Skeleton, capsules: Capsules) -> tuple[Array, Flags]:
-    """Return the vertices in `OBLIQUE` axes, with the right half of the body mirrored onto the left, (vertices, 3), and
-    whether each is on the left. An order by these coordinates does not depend on the order of the mesh, and is the same
-    on the left and on the right of a symmetric mesh.
+def _middle_plane(skeleton: Skeleton, capsules: Capsules) -> tuple[Array, Array]:
+    """A point between the left and the right of a body with these capsules and the unit vector to its left, (3,) each;
+    zeros if either side has none.
     """
     middles = capsules.ends.mean(axis=1) + skeleton.rest_positions[capsules.joints]
     halves_of = [middles[of_side[capsules.segments]] for of_side in OF_SIDE]
     if not all(map(len, halves_of)):
-        return vertices @ OBLIQUE, np.ones(len(vertices), bool)
+        return np.zeros(3), np.zeros(3)
     left, right = (each.mean(axis=0) for each in halves_of)
-    across = normalised(left - right)
-    off = (vertices - 0.5 * (left + right)) @ across
-    return (vertices + (np.abs(off) - off)[:, None] * across) @ OBLIQUE, off >= 0.0
+    return 0.5 * (left + right), normalised(left - right)
+
+
+def _folded(places: Array, middle: Array, left: Array) -> tuple[Array, Array]:
+    """Return places, (n, 3), in `OBLIQUE` axes, with the right half of the body mirrored onto the left, and how far
+    each is to the left, (n,) [file units]. An order by these coordinates does not depend on the order of the mesh, and
+    is the same on the left and on the right of a symmetric mesh.
+    """
+    off = (places - middle) @ left
+    return (places + (np.abs(off) - off)[:, None] * left) @ OBLIQUE, off
 
 
 def _spread(
-    mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules, folded: Array, sides: Flags
+    mesh: SkinnedMesh, skeleton: Skeleton, of_joint: Numbers, capsules: Capsules, folded: Array, sides: Array
 ) -> tuple[Numbers, Numbers, Array, Numbers]:
     """The triangles of points that stand for equal shares of each segment's surface, (points,), as indices counted from
     1, negative if the normal leads into the body; the indices of points within the left or right half of their segment;
@@ -116,7 +122,7 @@ def _spread(
     corners = mesh.vertices[mesh.triangles]
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
-    folded_middles, of_left = folded[mesh.triangles].mean(axis=1), sides[mesh.triangles].mean(axis=1) > 0.5
+    folded_middles, of_left = folded[mesh.triangles].mean(axis=1), sides[mesh.triangles].mean(axis=1) >= 0.0
     of_corners = np.sort(of_joint[mesh.carriers][mesh.triangles], axis=1)
     most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # shared by two corners
     none = np.zeros(0, np.intp)
@@ -164,9 +170,12 @@ def _shares(triangles: Numbers, numbers: Numbers, are_large: Flags) -> Array:
     return shares
 
 
-def _by_neighbours(places: Array, segments: Numbers) -> list[Numbers]:
-    """Points, (points, 3), in runs of neighbours, one segment after the other."""
-    groups = [np.flatnonzero(segments == segment) for segment in np.unique(segments)]
+def _by_neighbours(places: Array, sides: Array, segments: Numbers) -> list[Numbers]:
+    """Points in runs of neighbours, one segment after the other, and alike on the left and on the right; `places` and
+    `sides` are those of `_folded`.
+    """
+    halves = 2 * segments + (sides < 0.0)
+    groups = [np.flatnonzero(halves == half) for half in np.unique(halves)]
     return [run for group in groups for run in bisected(places, group, RUN)]
 
 

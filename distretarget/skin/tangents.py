@@ -17,7 +17,7 @@ from distretarget.skin.capsules import LEAST
 
 MARGIN = 0.005  # gaps larger than this both with and without displacements have no tangent [body units]
 COMPLIANCE = 0.18  # of the tangents of gaps, which bounds the pushes of limbs that have no room to leave a body
-LEAST_SHARE = 0.5  # balls that move by a smaller share of a displacement are not pushed
+LEAST_SHARE = 0.49  # balls that move by a smaller share of a displacement are not pushed; at 0.5 are middles of parts
 
 
 class Displaced(NamedTuple):
@@ -32,6 +32,7 @@ class Tangents(NamedTuple):
     """Linear functions of displacements: value + normal . (sum of shares times displacements), each with a push."""
 
     limbs: I2  # (tangents, 2), the two limbs that are displaced
+    order: I1  # (tangents,), the tangents in the order in which they push, last first
     shares: F2  # (tangents, 4), of the displacements of middle and end of the two limbs
     moves: F2  # (tangents, 4), the displacements of these along the normal by a push of 1
     normals: F2  # (tangents, 3)
@@ -46,7 +47,7 @@ def tangents_for(balls: Balls, limbs: int) -> Tangents:
     """Return scratch for the tangents of a frame of a body with so many limbs."""
     most = int((balls.gap_offsets < NEVER).sum()) + 2 * limbs
     of_four = (np.zeros((most, width)) for width in (4, 4, 3))
-    return Tangents(np.zeros((most, 2), np.intp), *of_four, *np.zeros((5, most)))
+    return Tangents(np.zeros((most, 2), np.intp), np.zeros(most, np.intp), *of_four, *np.zeros((5, most)))
 
 
 @inlined(fastmath=True)
@@ -77,6 +78,19 @@ def find_gaps(balls, displaced, placed, free, d, soft, rows):  # type: ignore[no
                 if min(gap + soft[pair], rows.values[count]) < MARGIN:
                     count += 1
     return count
+
+
+@inlined(fastmath=True)
+def order_gaps(rows: Tangents, count: int) -> None:
+    """Order the tangents of gaps by their values, so that the deepest pushes first: a body and its mirror image are
+    treated alike.
+    """
+    for row in range(count):
+        at = row
+        while at > 0 and rows.values[rows.order[at - 1]] < rows.values[row]:
+            rows.order[at] = rows.order[at - 1]
+            at -= 1
+        rows.order[at] = row
 
 
 @inlined(fastmath=True)
@@ -119,7 +133,7 @@ def find_lengths(limbs, free, d, rows, count):  # type: ignore[no-untyped-def]
             if min(old, new) < LEAST or squares <= 0.0:
                 continue
             rows.limbs[count, 0], rows.limbs[count, 1] = limb, len(free) - 1
-            rows.effective_mass[count] = 1.0 / squares
+            rows.effective_mass[count], rows.order[count] = 1.0 / squares, count
             _write(rows, count, x / new, y / new, z / new, new - old, 0.0, -NEVER, d)
             count += 1
     return count
