@@ -9,7 +9,10 @@ from typing import Any
 import bpy
 import numpy as np
 
+from distretarget.errors import SettingsError
+
 SAME = 1e-4  # tolerance for rest matrices of bones that coincide, for a body of size 1
+MOST_TRIANGLES = 30_000  # of a finer mesh every second, third ... triangle is taken
 MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones; drivers on them move the bone
 Joints = dict[str, str | None]
 Arrays = dict[str, Any]
@@ -108,12 +111,26 @@ def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> list
     return [(name, each) for name, each in found if not each.mute]
 
 
+def carriers(armature: bpy.types.Object) -> list[str]:
+    """The objects that may move an armature: its parents, and with constraints or drivers of the object itself."""
+    found, each = [], armature
+    while each is not None:
+        data = each.animation_data
+        drivers = [curve for curve in data.drivers if not curve.data_path.startswith("pose")] if data else []
+        if each.constraints or (drivers if each == armature else data):
+            found.append(each.name)
+        each = each.parent
+    return found
+
+
 def shape_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that meshes need, and the meshes, in the rest pose.
+    """Return the joints that meshes need, and the meshes, in the rest pose; a SettingsError if there are no bones.
 
     `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices`, (vertices, 3), `triangles`, (triangles, 3); and
     of each influence its vertex in `influenced`, ascending, its joint in `influencing`, and `weights`, (influences,).
     """
+    if not armature.data.bones:
+        raise SettingsError(f"{armature.name!r} has no bones")
     joints, world, bones = skeleton(armature), armature.matrix_world, armature.data.bones
     number: dict[str | None, int] = {name: index for index, name in enumerate(joints)} | {None: -1}
     heads = [world @ bones[name].head_local if name in bones else world.translation for name in joints]
@@ -124,17 +141,19 @@ def shape_of(armature: bpy.types.Object) -> Arrays:
     for mesh in skinned_meshes(armature):
         data = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get()).data  # with its modifiers
         data.calc_loop_triangles()
-        matrix, positions = np.array(mesh.matrix_world), _read(data.vertices, "co")
+        step = len(data.loop_triangles) // MOST_TRIANGLES + 1
+        used, corners = np.unique(_read(data.loop_triangles, "vertices")[::step].astype(int), return_inverse=True)
+        matrix, positions = np.array(mesh.matrix_world), _read(data.vertices, "co")[used]
         vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
-        triangles.append(first + _read(data.loop_triangles, "vertices").astype(int))
+        triangles.append(first + corners.reshape(-1, 3))
         groups = {group.index: number[group.name] for group in mesh.vertex_groups if group.name in number}
         influences += [
-            (first + vertex.index, groups[each.group], each.weight)
-            for vertex in data.vertices
-            for each in vertex.groups
+            (first + number, groups[each.group], each.weight)
+            for number, vertex in enumerate(used.tolist())
+            for each in data.vertices[vertex].groups
             if each.group in groups and each.weight > 0.0
         ]
-        first += len(positions)
+        first += len(used)
     armature.data.pose_position = before
     influenced, influencing, weights = np.array(influences).reshape(-1, 3).T
     arrays |= {"vertices": np.concatenate(vertices), "triangles": np.concatenate(triangles), "weights": weights}

@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 import traceback
@@ -29,8 +28,8 @@ FOLDER, ROOT = Path(sys.argv[2]), Path(__file__).resolve().parents[1]
 HERO, CLAP = str(ROOT / "sample_characters" / "hero.glb"), ROOT / "sample_bvh" / "clap.bvh"
 NEAR = 1e-4  # [m], and of the entries of rotation matrices
 CRASH = -11  # the module of Blender 4.2.0 crashes as Python ends, after all is done
-ODDITIES = """names_with_spaces scale_001 scale_uneven ik constraints hidden no_inherited_rotation drivers
-two_armatures two_roots meshes_on_bones posed unreal vrm two_characters"""
+ODDITIES = """scale_001 constraints hidden no_inherited_rotation drivers two_roots meshes_on_bones more_bones
+two_characters"""
 operators, answers = bpy.ops.distretarget, []
 
 
@@ -141,10 +140,21 @@ def test_bones_and_skin_are_where_the_result_has_them_and_nothing_is_lost():
         np.add.at(shall, influenced, (weights / total[influenced])[:, None] * places)
         there = shown(mesh, frame)
         assert np.abs([there.matrix_world @ vertex.co for vertex in there.data.vertices] - shall).max() < NEAR
-    verdicts = settings().verdict, retarget(read_bvh(CLAP), load_target(HERO)).verdict
-    assert len({re.sub(r"[\d.]+", "", each) for each in verdicts}) == 1
-    numbers = [[float(number) for number in re.findall(r"\d+\.\d+", each)] for each in verdicts]
-    assert np.allclose(*numbers, atol=0.11), numbers  # a rest pose in single precision is rounded
+
+
+def test_results_are_those_of_the_command_line():
+    for file in (HERO, str(FOLDER / "blocks.glb")):
+        if file == HERO:
+            hero()
+        else:
+            odd("blocks")
+            bpy.ops.export_scene.gltf(filepath=file, export_animations=False, export_rest_position_armature=True)
+        done(operators.retarget)
+        motion = retarget(read_bvh(settings().clip), load_target(file)).motion
+        names = [name for name in motion.skeleton.names if name in answers[-1]["names"]]
+        places = motion.positions[:, [motion.skeleton.names.index(name) for name in names]] * [1, 1, -1]
+        found = np.stack([joint(name, slice(None))[:, [0, 2, 1], 3] for name in names], axis=1)
+        assert np.abs(found - places).max() < 1e-3  # the rest pose is in single precision
 
 
 def test_an_armature_of_the_scene_that_moves_is_a_clip():
@@ -195,7 +205,6 @@ def test_what_is_wrong_is_told_in_a_line():
     for clip, words in (
         ("", "choose a clip"),
         ("/nowhere.bvh", "there is no such file"),
-        (__file__, "expected a clip"),
         (broken, "broken.bvh"),
     ):
         settings().clip = str(clip)
@@ -234,10 +243,7 @@ def test_odd_characters_take_on_a_motion():
         armature = odd(name)
         if name == "two_characters":
             armature = bpy.context.view_layer.objects.active = bpy.data.objects["Armature 2"]
-        if name == "scale_uneven":
-            assert "uneven scale; apply it" in fault(operators.retarget)
-        else:
-            assert bool(run(armature)) == (name in ("ik", "constraints", "drivers")), name
+        assert bool(run(armature)) == (name in ("constraints", "drivers")), name
 
 
 def test_meshes_with_modifiers_and_bodies_without_legs():
@@ -343,7 +349,7 @@ def test_linked_characters_are_refused_and_overrides_work():
 
 
 def test_the_command_saves_another_file():
-    for name in ("ik", "two_characters", "two_armatures", "scale_uneven"):
+    for name in ("two_armatures", "two_characters"):
         odd(name)
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{name}.blend"))
 
@@ -353,20 +359,17 @@ def test_the_command_saves_another_file():
         assert "Traceback" not in told.stderr, told.stderr
         return told
 
-    before = (FOLDER / "ik.blend").read_bytes()
-    told = command("ik.blend", "--keys", "IK", "--start", "5", out="out.blend")
+    before = (FOLDER / "two_armatures.blend").read_bytes()
+    told = command("two_armatures.blend", "--keys", "IK", "--start", "5", out="out.blend")
     assert told.returncode in (0, CRASH)
     assert "feet do not skate" in told.stdout
-    assert (FOLDER / "ik.blend").read_bytes() == before
+    assert (FOLDER / "two_armatures.blend").read_bytes() == before
+    two = "two_characters.blend"
     for arguments, words, out in (
-        (["ik.blend"], "expected the name of a new .blend file", "out.blend"),
-        (["two_characters.blend"], "choose with --armature, found 'Armature', 'Armature 2'", "other.blend"),
-        (
-            ["two_armatures.blend", "--armature", "Nobody"],
-            "one armature 'Nobody', found 'Armature', 'Crane'",
-            "a.blend",
-        ),
-        (["scale_uneven.blend"], "uneven scale", "other.blend"),
+        ([two], "expected the name of a new .blend file", "out.blend"),
+        ([two], "choose with --armature, found 'Armature', 'Armature 2'", "other.blend"),
+        ([two, "--armature", "Nobody"], "one armature 'Nobody', found 'Armature', 'Armature 2'", "other.blend"),
+        ([two, "--armature", "Armature", "--contacts", "none.json"], "no such file", "other.blend"),
         (["none.blend"], "expected a .blend file", "other.blend"),
     ):
         told = command(*arguments, out=out)
@@ -385,7 +388,7 @@ def test_contacts_are_dropped_made_moved_kept_and_exchanged():
     def listed():
         return [json.loads(row.entry) for row in settings().contacts if row.clip == settings().clip_key]
 
-    assert "retarget the clip once" in fault(operators.contact_make, parts="left hand, head")
+    assert "retarget the clip once" in fault(operators.contact_make)
     done(operators.retarget)
     motion, target = read_bvh(CLAP), load_target(HERO)
     assert listed() == json.loads(contacts_to_json(find_contacts(motion, target)))["contacts"]
@@ -480,6 +483,9 @@ def test_controls_bring_joints_to_where_the_motion_has_them():
     for name, mode in itertools.product(("copies", "rigify"), ("FK", "IK")):
         armature = odd(name)
         bones, settings().keys = armature.pose.bones, mode
+        armature.location, armature.rotation_euler, armature.scale = (1, 2, 0), (0.5, 0, 1), (2, 2, 2)
+        armature.keyframe_insert("location", frame=1)
+        bpy.context.scene.frame_set(40)
         deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
         muted = [each.mute for bone in bones for each in bone.constraints]
         done(operators.retarget)
