@@ -185,19 +185,13 @@ def forget_pairs(_self, context):
     target_of(context).distretarget_pairs.clear()
 
 
-@operator(
-    "Make a contact",
-    parts=StringProperty(
-        name="Parts", description='Two parts or joints, as in "left hand, hips", or one; else the selected bones'
-    ),
-)
-def contact_make(self, context):
+@operator("Make a contact")
+def contact_make(_self, context):
     """Bring two selected bones together, or hold a single one in place: in the preview range, or in this frame"""
-    scene, settings = context.scene, context.scene.distretarget
-    parts = [each.strip() for each in self.parts.split(",") if each.strip()] or _selected(context)
+    scene, settings, parts = context.scene, context.scene.distretarget, _selected(context)
     if not settings.step:
         raise SettingsError("retarget the clip once, so that its frames are known")
-    if len({*parts}) not in (1, 2) or len({*parts}) < len(parts):
+    if len(parts) not in (1, 2):
         raise SettingsError("select two bones that are to touch, or one that is to stay where it is")
     span = (scene.frame_current, scene.frame_current)
     if scene.use_preview_range:
