@@ -16,7 +16,6 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 
 Entry = dict[str, Any]
 KINDS = ("between", "plant", "look", "distance")  # of entries: the field that names the parts of the body
-MARK = "distretarget"  # the property of a marker: a contact's row, 0 for its first or 1 for its last frame, that frame
 CHANGED = ("keep", "gap", "firmness", "on")  # the fields that depend on the state
 STATES = {  # by kind, the states of an entry: (identifier, label, tooltip)
     "between": [
@@ -132,6 +131,14 @@ def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
             _change(row, **dict.fromkeys(CHANGED) | CHANGES[state] | gap)
 
 
+class DISTRETARGET_PG_mark(bpy.types.PropertyGroup):
+    """The marker called `name` for the first (0) or last (1) frame of a contact, and the frame at which it was put."""
+
+    row: IntProperty()
+    end: IntProperty()
+    frame: IntProperty()
+
+
 class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
     clip: StringProperty()
     entry: StringProperty()
@@ -180,22 +187,24 @@ def changing_contacts(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGrou
 
 def take_markers(scene: bpy.types.Scene) -> None:
     """Move the ends of contacts to the frames to which their markers were moved."""
-    rows = scene.distretarget.contacts
-    for marker in scene.timeline_markers:
-        row, end, frame = marker.get(MARK, (len(rows), 0, 0))
-        if row < len(rows) and marker.frame != frame:
-            _move(rows[row], end, marker.frame)
+    settings = scene.distretarget
+    for mark in settings.marks:
+        marker = scene.timeline_markers.get(mark.name)
+        if marker is not None and marker.frame != mark.frame and mark.row < len(settings.contacts):
+            _move(settings.contacts[mark.row], mark.end, marker.frame)
 
 
 def set_markers(scene: bpy.types.Scene) -> None:
     """Show the contacts of the clip as markers at their first and last frames, except parts that rest as found."""
     settings, markers = scene.distretarget, scene.timeline_markers
-    for marker in [each for each in markers if MARK in each]:
+    for marker in filter(None, map(markers.get, settings.marks.keys())):
         markers.remove(marker)
+    settings.marks.clear()
     for number, row in enumerate(settings.contacts if settings.markers and settings.step else ()):
         entry = json.loads(row.entry)
         if row.clip == settings.clip_key and (kind_of(entry) != "plant" or state_of(entry) != "FOUND"):
             start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
             for end, frame in enumerate((row.first, row.last)):
-                marker = markers.new(f"{start}{' end' * end}. {title_of(entry)}", frame=frame)
-                marker[MARK] = (number, end, frame)
+                mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"
+                mark.row, mark.end, mark.frame = number, end, frame
+                mark.name = markers.new(title, frame=frame).name  # Blender shortens long names

@@ -6,7 +6,7 @@ from pathlib import PurePath
 import bpy
 from bpy import props
 
-from .contacts import DISTRETARGET_PG_contact, set_markers
+from .contacts import DISTRETARGET_PG_contact, DISTRETARGET_PG_mark, set_markers
 from .rig import title_of
 
 
@@ -81,6 +81,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     step: props.FloatProperty(description="Frames of the scene per frame of the clip; 0 before retargeting")
     joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # of the clip, by name
     contacts: props.CollectionProperty(type=DISTRETARGET_PG_contact)
+    marks: props.CollectionProperty(type=DISTRETARGET_PG_mark)
     contact: props.IntProperty(description="The contact that is chosen in the list")
 
     @property
@@ -96,6 +97,7 @@ def clip_key(clip: str | PurePath, animation: str) -> str:
 GROUPS = (
     DISTRETARGET_PG_pair,
     DISTRETARGET_PG_warning,
+    DISTRETARGET_PG_mark,
     DISTRETARGET_PG_contact,
     DISTRETARGET_PG_settings,
 )
