@@ -7,7 +7,6 @@ import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -16,7 +15,7 @@ from distretarget.errors import SettingsError
 
 from .contacts import entries_of, state_of
 from .keys import keyed, poses_of
-from .rig import carriers, motion_of, other_animation, shape_of, title_of
+from .rig import carriers, frame_time_of, motion_of, other_animation, shape_of, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -75,7 +74,7 @@ class Job:
             "animation": settings.animation,
             "edits": {"mirror": settings.mirror, "loop": settings.loop},
             "in_place": settings.in_place,
-            "frame_time": scene.render.fps_base / scene.render.fps if settings.whole_frames else None,
+            "frame_time": frame_time_of(scene) if settings.whole_frames else None,
             "contacts": [entry for entry in entries_of(scene, self.key) if state_of(entry) != "FOUND"],
             "map": {pair.name: pair.source or None for pair in armature.distretarget_pairs if pair.is_chosen},
             "armature": armature.name,
@@ -117,14 +116,13 @@ class Job:
         start = [bpy.app.binary_path, "--background", "--factory-startup", scripts, "--python-exit-code", "1"]
         return [*start, "--python", str(WORKER), "--"]
 
-    def apply(self) -> tuple[bpy.types.Action, dict[str, Any]]:
-        """Make an action of the worker's answer; return it, and the answer with more warnings."""
+    def apply(self) -> bpy.types.Action:
+        """Make an action of the worker's answer, which gets more warnings; return the action."""
         (scene, armature), answer = objects_of(self.names), self.answer
         if armature.data.bones.keys() != self.bones:
             raise SettingsError(f"{armature.name!r} has other bones than before; retarget again")
         names, matrices, on_joints = answer["names"], answer["matrices"], self.keys == "JOINTS"
-        rate = scene.render.fps / scene.render.fps_base
-        times = self.start + np.arange(len(matrices)) * answer["frame_time"] * rate
+        times = self.start + np.arange(len(matrices)) * answer["frame_time"] / frame_time_of(scene)
         others = other_animation(armature, names if on_joints else ())
         for _, each in others:
             each.mute = True
@@ -137,4 +135,4 @@ class Job:
         reason = "may move and carry the character with it; clear that parent, constraint or driver"
         lines += [f"{name!r} {reason}" for name in carriers(armature)]
         answer["warnings"] += [(line, None) for line in lines]
-        return action, answer | {"rate": rate}
+        return action

@@ -192,9 +192,13 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
         pairs = zip(posed, inverse_rests, strict=True)
         rotations.append([[*(matrix @ inverse).to_quaternion()] for matrix, inverse in pairs])
     scene.frame_set(math.floor(now), subframe=now % 1.0)
-    frame_time = scene.render.fps_base / scene.render.fps
-    w_x_y_z = np.array(rotations)
-    return {"positions": np.array(positions), "rotations": w_x_y_z[..., [1, 2, 3, 0]], "frame_time": frame_time}
+    turns = np.array(rotations)[..., [1, 2, 3, 0]]
+    return {"positions": np.array(positions), "rotations": turns, "frame_time": frame_time_of(scene)}
+
+
+def frame_time_of(scene: bpy.types.Scene) -> float:
+    """The time between the frames of a scene [s]."""
+    return scene.render.fps_base / scene.render.fps
 
 
 def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:
