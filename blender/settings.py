@@ -6,7 +6,7 @@ from pathlib import PurePath
 import bpy
 from bpy import props
 
-from .contacts import DISTRETARGET_PG_contact, DISTRETARGET_PG_mark, set_markers
+from .contacts import DISTRETARGET_PG_contact, set_markers
 from .rig import title_of
 
 
@@ -81,7 +81,9 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     step: props.FloatProperty(description="Frames of the scene per frame of the clip; 0 before retargeting")
     joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # of the clip, by name
     contacts: props.CollectionProperty(type=DISTRETARGET_PG_contact)
-    marks: props.CollectionProperty(type=DISTRETARGET_PG_mark)
+    marks: props.StringProperty(
+        default="{}", description="By marker, a contact, 0 for its first or 1 for its last frame, and that frame"
+    )
     contact: props.IntProperty(description="The contact that is chosen in the list")
 
     @property
@@ -97,7 +99,6 @@ def clip_key(clip: str | PurePath, animation: str) -> str:
 GROUPS = (
     DISTRETARGET_PG_pair,
     DISTRETARGET_PG_warning,
-    DISTRETARGET_PG_mark,
     DISTRETARGET_PG_contact,
     DISTRETARGET_PG_settings,
 )

@@ -266,13 +266,14 @@ def test_tracks_and_actions_of_before_do_not_disturb():
     data = armature.animation_data_create()
     data.action = bpy.data.actions.new("old")
     for bone in armature.pose.bones:
-        bone.location, bone.scale = (1, 2, 3), (2, 2, 2)
+        bone.location, bone.scale, bone.rotation_mode = (1, 2, 3), (2, 2, 2), "XYZ"
         bone.keyframe_insert("location", frame=1)
         bone.keyframe_insert("scale", frame=1)
     strip, data.action = data.nla_tracks.new().strips.new("old", 1, data.action), None
     data.nla_tracks[0].select, strip.select, data.nla_tracks.active = True, True, data.nla_tracks[0]
     data.use_tweak_mode, data.action_influence, armature.data.pose_position = True, 0.5, "REST"
     assert run(armature)
+    assert {bone.rotation_mode for bone in armature.pose.bones} == {"XYZ"}  # of the old action
     top = armature.parent = bpy.data.objects.new("Top", None)
     top.keyframe_insert("location", frame=1)
     run(armature)
