@@ -13,7 +13,7 @@ from distretarget.errors import SettingsError
 
 SAME = 1e-4  # tolerance for rest matrices of bones that coincide, for a body of size 1
 MOST_TRIANGLES = 30_000  # of a finer mesh every second, third ... triangle is taken
-MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones; drivers on them move the bone
+MOVES = ("location", "rotation", "scale", "constraints")  # drivers on these properties move a bone or an object
 Joints = dict[str, str | None]
 Arrays = dict[str, Any]
 
@@ -116,7 +116,7 @@ def carriers(armature: bpy.types.Object) -> list[str]:
     found, each = [], armature
     while each is not None:
         data = each.animation_data
-        drivers = [curve for curve in data.drivers if not curve.data_path.startswith("pose")] if data else []
+        drivers = [curve for curve in data.drivers if curve.data_path.startswith((*MOVES, "delta_"))] if data else []
         if each.constraints or (drivers if each == armature else data):
             found.append(each.name)
         each = each.parent
