@@ -81,9 +81,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     step: props.FloatProperty(description="Frames of the scene per frame of the clip; 0 before retargeting")
     joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # of the clip, by name
     contacts: props.CollectionProperty(type=DISTRETARGET_PG_contact)
-    marks: props.StringProperty(
-        default="{}", description="By marker, a contact, 0 for its first or 1 for its last frame, and that frame"
-    )
+    marks: props.StringProperty(default="{}")  # by marker: contact, 0 for its first or 1 for its last frame, frame
     contact: props.IntProperty(description="The contact that is chosen in the list")
 
     @property

@@ -202,11 +202,7 @@ def test_what_is_wrong_is_told_in_a_line():
     settings().clip = str(CLAP)
     assert "select the armature of a character" in fault(operators.retarget)
     armature = hero()
-    for clip, words in (
-        ("", "choose a clip"),
-        ("/nowhere.bvh", "there is no such file"),
-        (broken, "broken.bvh"),
-    ):
+    for clip, words in (("", "choose a clip"), ("/nowhere.bvh", "there is no such file"), (broken, "broken.bvh")):
         settings().clip = str(clip)
         assert words in fault(operators.retarget)
     assert "choose a folder of clips" in fault(operators.retarget_folder)
