@@ -111,6 +111,17 @@ def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> list
     return [(name, each) for name, each in found if not each.mute]
 
 
+def unmute(armature: bpy.types.Object, keys: Collection[str]) -> dict[str, Any]:
+    """Turn constraints, drivers and NLA tracks with these keys on again; return all of an armature, by key."""
+    data = armature.animation_data
+    found = {each.path_from_id(): each for bone in armature.pose.bones for each in bone.constraints}
+    found |= {f"{curve.data_path} {curve.array_index}": curve for curve in data.drivers} if data else {}
+    found |= {track.name: track for track in data.nla_tracks} if data else {}
+    for key in found.keys() & {*keys}:
+        found[key].mute = False
+    return found
+
+
 def carriers(armature: bpy.types.Object) -> list[str]:
     """The objects that may move an armature: its parents, and with constraints or drivers of the object itself."""
     found, each = [], armature

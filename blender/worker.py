@@ -106,6 +106,7 @@ def _on_controls(job: dict, answer: dict, folder: Path) -> dict:
     extension = sys.modules["extension"] = types.ModuleType("extension")
     extension.__path__ = [str(Path(__file__).parent)]
     from extension.controls import solve
+    from extension.rig import unmute
 
     with bpy.data.libraries.load(str(folder / "character.blend")) as (_, wanted):
         wanted.objects = [job["armature"]]
@@ -113,6 +114,7 @@ def _on_controls(job: dict, answer: dict, folder: Path) -> dict:
     armature.hide_viewport = False
     bpy.context.scene.collection.objects.link(armature)
     bpy.context.scene.frame_set(job["frame"])  # puts it where it is in the world
+    unmute(armature, job["muted"])
     progress = _Progress(folder / "progress", "Moving the controls", len(answer["matrices"]))
     return solve(armature, answer["names"], answer["matrices"], job["keys"], progress)
 

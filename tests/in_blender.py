@@ -480,13 +480,15 @@ def test_the_panel_draws_what_there_is():
 def test_controls_bring_joints_to_where_the_motion_has_them():
     for name, mode in itertools.product(("copies", "rigify"), ("FK", "IK")):
         armature = odd(name)
-        bones, settings().keys = armature.pose.bones, mode
+        bones = armature.pose.bones
         armature.location, armature.rotation_euler, armature.scale = (1, 2, 0), (0.5, 0, 1), (2, 2, 2)
         armature.keyframe_insert("location", frame=1)
         bpy.context.scene.frame_set(40)
         deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
         muted = [each.mute for bone in bones for each in bone.constraints]
-        done(operators.retarget)
+        for keys in ("JOINTS", mode):
+            settings().keys = keys
+            done(operators.retarget)
         assert [each.mute for bone in bones for each in bone.constraints] == muted
         answer, action = answers[-1], armature.animation_data.action
         assert len({*answer["names"]} & deforming) >= 20
