@@ -16,7 +16,7 @@ from distretarget.errors import SettingsError
 
 from .contacts import entries_of, state_of
 from .keys import keyed, poses_of
-from .rig import carriers, frame_time_of, motion_of, other_animation, shape_of, title_of, unmute
+from .rig import carriers, frame_time_of, motion_of, mute_others, shape_of, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -125,19 +125,14 @@ class Job:
             raise SettingsError(f"{armature.name!r} has other bones than before; retarget again")
         names, matrices, on_joints = answer["names"], answer["matrices"], self.keys == "JOINTS"
         times = self.start + np.arange(len(matrices)) * answer["frame_time"] / frame_time_of(scene)
-        every = unmute(armature, json.loads(armature.distretarget_muted))
-        others = other_animation(armature, names if on_joints else ())
-        for _, each in others:
-            each.mute = True
-        things = [each for _, each in others]
-        armature.distretarget_muted = json.dumps([key for key, each in every.items() if each in things])
+        muted = mute_others(armature, names if on_joints else ())
         transforms = poses_of(armature, names, matrices)[1] if on_joints else answer["transforms"]
         action = keyed(armature, self.title, times, transforms, answer.get("switches", ()))
         lines = answer.get("lines", [])
-        if muted := [*dict.fromkeys(repr(name) for name, _ in others)]:
+        if muted:
             more = f" and {len(muted) - 1} more" if len(muted) > 1 else ""
             back = "keys on controls or undo bring" if on_joints else "undo brings"
-            lines.append(f"muted, since they move bones too: {muted[0]}{more}; {back} them back")
+            lines.append(f"muted, since they move bones too: {muted[0]!r}{more}; {back} them back")
         reason = "may move and carry the character with it; clear that parent, constraint or driver"
         lines += [f"{name!r} {reason}" for name in carriers(armature)]
         answer["warnings"] += [(line, None) for line in lines]

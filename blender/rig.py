@@ -2,6 +2,7 @@
 """Read an armature: the joints that its meshes need, the meshes at rest, the motion, and what else moves its bones."""
 
 import itertools
+import json
 import math
 from collections.abc import Collection, Iterator
 from typing import Any
@@ -109,6 +110,17 @@ def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> list
         found += [(bone.name, curve) for curve in data.drivers if curve.data_path.startswith(paths)]
     found += [(track.name, track) for track in data.nla_tracks] if data else []
     return [(name, each) for name, each in found if not each.mute]
+
+
+def mute_others(armature: bpy.types.Object, joints: Collection[str]) -> list[str]:
+    """Mute `other_animation`, after what an earlier call muted is turned on again; return its names."""
+    every = unmute(armature, json.loads(armature.distretarget_muted))
+    others = other_animation(armature, joints)
+    for _, each in others:
+        each.mute = True
+    muted = [each for _, each in others]
+    armature.distretarget_muted = json.dumps([key for key, each in every.items() if each in muted])
+    return [*dict.fromkeys(name for name, _ in others)]
 
 
 def unmute(armature: bpy.types.Object, keys: Collection[str]) -> dict[str, Any]:
