@@ -270,7 +270,7 @@ def solve(
     can switch to it; then `mode`, whose errors are measured. `progress` is called with the number of finished frames.
     """
     without_action(armature)
-    for _, track in other_animation(armature, ()):
+    for _, track in other_animation(armature, ()).values():
         track.mute = True
     (poses, _), bones = poses_of(armature, names, matrices), armature.data.bones
     rig = Rig(armature, [name for name in poses if name in names and bones[name].use_deform] or names)

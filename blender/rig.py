@@ -94,44 +94,39 @@ def moved_bones(armature: bpy.types.Object, joints: Collection[str]) -> list[bpy
     return [bone for bone in armature.pose.bones if bone.name in names]
 
 
-def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple[str, Any]]:
-    """What moves the bones of joints besides an action, if not muted: constraints and drivers with the name of their
-    bone, and NLA tracks, which move all bones, with their own name.
+def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> dict[str, tuple[str, Any]]:
+    """What moves the bones of joints besides an action, by keys that last: constraints and drivers with the name of
+    their bone, and NLA tracks, which move all bones, with their own name.
     """
-    moved, data, found = moved_bones(armature, joints), armature.animation_data, []
+    moved, data, found = moved_bones(armature, joints), armature.animation_data, {}
     names = {bone.name for bone in moved}
     for bone in armature.pose.bones:
         chain = [each.name for each in (bone, *bone.parent_recursive)]
-        for constraint in bone.constraints:
-            reach = getattr(constraint, "chain_count", 1) or len(chain)
-            found += [(bone.name, constraint)] if names.intersection(chain[:reach]) else []
+        for each in bone.constraints:
+            if names.intersection(chain[: getattr(each, "chain_count", 1) or len(chain)]):
+                found[each.path_from_id()] = bone.name, each
     for bone in moved if data else ():
         paths = tuple(f"{bone.path_from_id()}.{each}" for each in MOVES)
-        found += [(bone.name, curve) for curve in data.drivers if curve.data_path.startswith(paths)]
-    found += [(track.name, track) for track in data.nla_tracks] if data else []
-    return [(name, each) for name, each in found if not each.mute]
+        curves = [curve for curve in data.drivers if curve.data_path.startswith(paths)]
+        found |= {f"{curve.data_path} {curve.array_index}": (bone.name, curve) for curve in curves}
+    return found | {track.name: (track.name, track) for track in (data.nla_tracks if data else ())}
 
 
 def mute_others(armature: bpy.types.Object, joints: Collection[str]) -> list[str]:
     """Mute `other_animation`, after what an earlier call muted is turned on again; return its names."""
-    every = unmute(armature, json.loads(armature.distretarget_muted))
-    others = other_animation(armature, joints)
-    for _, each in others:
+    unmute(armature, json.loads(armature.distretarget_muted))
+    others = {key: pair for key, pair in other_animation(armature, joints).items() if not pair[1].mute}
+    for _, each in others.values():
         each.mute = True
-    muted = [each for _, each in others]
-    armature.distretarget_muted = json.dumps([key for key, each in every.items() if each in muted])
-    return [*dict.fromkeys(name for name, _ in others)]
+    armature.distretarget_muted = json.dumps([*others])
+    return [*dict.fromkeys(name for name, _ in others.values())]
 
 
-def unmute(armature: bpy.types.Object, keys: Collection[str]) -> dict[str, Any]:
-    """Turn constraints, drivers and NLA tracks with these keys on again; return all of an armature, by key."""
-    data = armature.animation_data
-    found = {each.path_from_id(): each for bone in armature.pose.bones for each in bone.constraints}
-    found |= {f"{curve.data_path} {curve.array_index}": curve for curve in data.drivers} if data else {}
-    found |= {track.name: track for track in data.nla_tracks} if data else {}
-    for key in found.keys() & {*keys}:
-        found[key].mute = False
-    return found
+def unmute(armature: bpy.types.Object, keys: Collection[str]) -> None:
+    """Turn what has these keys in `other_animation` on again."""
+    every = other_animation(armature, armature.pose.bones.keys())
+    for key in every.keys() & {*keys}:
+        every[key][1].mute = False
 
 
 def carriers(armature: bpy.types.Object) -> list[str]:

@@ -15,14 +15,12 @@ def _clip_changed(settings, _context):
     set_markers(settings.id_data)
 
 
-def _pair_chosen(pair, _context):
-    pair.is_chosen = True
-
-
 class DISTRETARGET_PG_pair(bpy.types.PropertyGroup):
     """The bone called `name`, and the joint of the clip that drives it."""
 
-    source: props.StringProperty(name="Joint", description="The joint of the clip", update=_pair_chosen)
+    source: props.StringProperty(
+        name="Joint", description="The joint of the clip", update=lambda pair, _: setattr(pair, "is_chosen", True)
+    )
     is_chosen: props.BoolProperty(name="Chosen", description="Chosen by the user, and kept")
 
 

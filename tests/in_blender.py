@@ -28,8 +28,7 @@ FOLDER, ROOT = Path(sys.argv[2]), Path(__file__).resolve().parents[1]
 HERO, CLAP = str(ROOT / "sample_characters" / "hero.glb"), ROOT / "sample_bvh" / "clap.bvh"
 NEAR = 1e-4  # [m], and of the entries of rotation matrices
 CRASH = -11  # the module of Blender 4.2.0 crashes as Python ends, after all is done
-ODDITIES = """scale_001 constraints hidden no_inherited_rotation drivers two_roots meshes_on_bones more_bones
-two_characters"""
+ODDITIES = "scale_001 constraints no_inherited_rotation drivers two_roots meshes_on_bones more_bones two_characters"
 operators, answers = bpy.ops.distretarget, []
 
 

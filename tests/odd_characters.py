@@ -185,12 +185,6 @@ def constraints(armature: Armature) -> None:
     armature.pose.bones["spine"].scale = (2, 2, 2)
 
 
-def hidden(armature: Armature) -> None:
-    """The armature is hidden in viewports."""
-    add_boxes(armature)
-    armature.hide_viewport = True
-
-
 def no_inherited_rotation(armature: Armature) -> None:
     """Upper arms and head keep their direction when the trunk turns; hands do not inherit scale."""
     for name in ("upper_arm.L", "upper_arm.R", "spine.006"):
@@ -229,8 +223,10 @@ def two_characters(armature: Armature) -> None:
 
 
 def two_roots(armature: Armature) -> None:
-    """The body, and a lantern beside it, without a common root."""
+    """The body, and a lantern beside it, without a common root; the armature is hidden in viewports."""
     add_bone(armature, "lantern", Vector((1, 0, 1)), Vector((1, 0, 1.3)))
+    add_boxes(armature)
+    armature.hide_viewport = True
 
 
 def meshes_on_bones(armature: Armature) -> None:
