@@ -15,10 +15,15 @@ def register():
     bpy.types.Object.distretarget_pairs = bpy.props.CollectionProperty(
         type=settings.DISTRETARGET_PG_pair, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
     )
+    bpy.types.Object.distretarget_muted = bpy.props.StringProperty(
+        default="[]", description="What the last retargeting muted", override={"LIBRARY_OVERRIDABLE"}
+    )
     bpy.types.Object.distretarget_pair = bpy.props.IntProperty(description="The pair that is chosen in the list")
 
 
 def unregister():
-    del bpy.types.Object.distretarget_pair, bpy.types.Object.distretarget_pairs, bpy.types.Scene.distretarget
+    for name in ("pairs", "muted", "pair"):
+        delattr(bpy.types.Object, f"distretarget_{name}")
+    del bpy.types.Scene.distretarget
     for each in reversed(CLASSES):
         bpy.utils.unregister_class(each)

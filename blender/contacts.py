@@ -131,14 +131,6 @@ def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
             _change(row, **dict.fromkeys(CHANGED) | CHANGES[state] | gap)
 
 
-class DISTRETARGET_PG_mark(bpy.types.PropertyGroup):
-    """The marker called `name` for the first (0) or last (1) frame of a contact, and the frame at which it was put."""
-
-    row: IntProperty()
-    end: IntProperty()
-    frame: IntProperty()
-
-
 class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
     clip: StringProperty()
     entry: StringProperty()
@@ -188,23 +180,22 @@ def changing_contacts(scene: bpy.types.Scene) -> Iterator[bpy.types.PropertyGrou
 def take_markers(scene: bpy.types.Scene) -> None:
     """Move the ends of contacts to the frames to which their markers were moved."""
     settings = scene.distretarget
-    for mark in settings.marks:
-        marker = scene.timeline_markers.get(mark.name)
-        if marker is not None and marker.frame != mark.frame and mark.row < len(settings.contacts):
-            _move(settings.contacts[mark.row], mark.end, marker.frame)
+    for name, (row, end, frame) in json.loads(settings.marks).items():
+        marker = scene.timeline_markers.get(name)
+        if marker is not None and marker.frame != frame and row < len(settings.contacts):
+            _move(settings.contacts[row], end, marker.frame)
 
 
 def set_markers(scene: bpy.types.Scene) -> None:
     """Show the contacts of the clip as markers at their first and last frames, except parts that rest as found."""
-    settings, markers = scene.distretarget, scene.timeline_markers
-    for marker in filter(None, map(markers.get, settings.marks.keys())):
+    settings, markers, marks = scene.distretarget, scene.timeline_markers, {}
+    for marker in filter(None, map(markers.get, json.loads(settings.marks))):
         markers.remove(marker)
-    settings.marks.clear()
     for number, row in enumerate(settings.contacts if settings.markers and settings.step else ()):
         entry = json.loads(row.entry)
         if row.clip == settings.clip_key and (kind_of(entry) != "plant" or state_of(entry) != "FOUND"):
             start = f"{number + 1}{' dropped' if state_of(entry) == 'DROP' else ''}"
             for end, frame in enumerate((row.first, row.last)):
-                mark, title = settings.marks.add(), f"{start}{' end' * end}. {title_of(entry)}"
-                mark.row, mark.end, mark.frame = number, end, frame
-                mark.name = markers.new(title, frame=frame).name  # Blender shortens long names
+                marker = markers.new(f"{start}{' end' * end}. {title_of(entry)}", frame=frame)
+                marks[marker.name] = (number, end, frame)  # Blender shortens long names
+    settings.marks = json.dumps(marks)

@@ -12,6 +12,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Quaternion, Vector
 
+from distretarget.errors import counted
+
 from .keys import converted, poses_of, without_action
 from .rig import other_animation
 
@@ -268,7 +270,7 @@ def solve(
     can switch to it; then `mode`, whose errors are measured. `progress` is called with the number of finished frames.
     """
     without_action(armature)
-    for _, track in other_animation(armature, ()):
+    for _, track in other_animation(armature, ()).values():
         track.mute = True
     (poses, _), bones = poses_of(armature, names, matrices), armature.data.bones
     rig = Rig(armature, [name for name in poses if name in names and bones[name].use_deform] or names)
@@ -297,8 +299,8 @@ def solve(
         "transforms": {name: each for name, each in transforms.items() if np.abs(each - np.eye(4)).max() > UNCHANGED},
         "switches": [(each.bone, each.name, each.values[mode]) for each in rig.switches],
         "lines": [
-            *_lines(rig.joints, distances * BODY, 1.0, "mm on a body of 1.7 m from where they should be"),
-            *_lines(rig.joints, np.degrees(angles), 2.0, "degrees turned from where they should be"),
+            *_lines(rig.joints, distances * BODY, 1.0, "mm on a body of 1.7 m"),
+            *_lines(rig.joints, np.degrees(angles), 2.0, "degrees"),
         ],
     }
 
@@ -307,5 +309,5 @@ def _lines(joints: list[str], errors: np.ndarray, limit: float, words: str) -> l
     """A line on joints whose errors, (frames, joints), exceed a limit in any frame, if there are any."""
     worst = errors.max(axis=0)
     names = [joints[index] for index in np.argsort(-worst) if worst[index] > limit]
-    more = f" and {len(names) - 1} more bones are" if len(names) > 1 else " is"
-    return [f"{names[0]!r}{more} up to {worst.max():.1f} {words}: no control moves them so"] if names else []
+    more = f" and {counted(len(names) - 1, 'more bone')} are" if len(names) > 1 else " is"
+    return [f"{names[0]!r}{more} off by up to {worst.max():.1f} {words}: no control prevents that"] if names else []

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A job: a clip that a separate process retargets to a character, so that Blender can be used meanwhile."""
 
+import json
 import pickle
 import subprocess
 import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import bpy
 import numpy as np
@@ -16,7 +16,7 @@ from distretarget.errors import SettingsError
 
 from .contacts import entries_of, state_of
 from .keys import keyed, poses_of
-from .rig import motion_of, other_animation, shape_of, title_of
+from .rig import carriers, frame_time_of, motion_of, mute_others, shape_of, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -38,9 +38,8 @@ def target_of(context: bpy.types.Context) -> bpy.types.Object:
         raise SettingsError("select the armature of a character, or its mesh")
     if chosen.library is not None:
         raise SettingsError(f"{chosen.name!r} is linked from another file; make it local or an override first")
-    if not chosen.data.bones:
-        raise SettingsError(f"{chosen.name!r} has no bones")
-    if min(chosen.matrix_world.to_scale()) <= 0.0 or np.ptp(chosen.matrix_world.to_scale()) > 1e-4:
+    scale = chosen.matrix_world.to_scale()
+    if min(scale) <= 0.0 or np.ptp(scale) > 1e-4 * max(scale):
         raise SettingsError(f"{chosen.name!r} has an uneven scale; apply it with Ctrl+A")
     return chosen
 
@@ -61,17 +60,10 @@ class Job:
 
     def __init__(self, names: Names, clip: Path | bpy.types.Object) -> None:
         """`names` are those of the scene and the armature; `clip` is a file, or an armature that moves."""
-        is_file = isinstance(clip, Path)
         (scene, armature), self.names = objects_of(names), names
-        if is_file and clip.suffix.lower() not in ENDINGS:
-            raise SettingsError(f"{clip.name or 'no file'}: expected a clip, {', '.join(ENDINGS)}")
-        if is_file and not clip.is_file():
-            raise SettingsError(f"{clip}: there is no such file")
+        settings, is_file = scene.distretarget, isinstance(clip, Path)
         if clip == armature:
             raise SettingsError(f"{clip.name!r} is the character; choose another armature for the clip")
-        if not is_file and not clip.data.bones:
-            raise SettingsError(f"{clip.name!r} has no bones")
-        settings = scene.distretarget
         self.title = clip.stem if is_file else title_of(clip)
         self.key = clip_key(clip, settings.animation) if is_file else self.title
         self.keys, self.start, self.bones = settings.keys, settings.start, armature.data.bones.keys()
@@ -83,10 +75,12 @@ class Job:
             "animation": settings.animation,
             "edits": {"mirror": settings.mirror, "loop": settings.loop},
             "in_place": settings.in_place,
-            "frame_time": scene.render.fps_base / scene.render.fps if settings.whole_frames else None,
+            "frame_time": frame_time_of(scene) if settings.whole_frames else None,
             "contacts": [entry for entry in entries_of(scene, self.key) if state_of(entry) != "FOUND"],
             "map": {pair.name: pair.source or None for pair in armature.distretarget_pairs if pair.is_chosen},
             "armature": armature.name,
+            "frame": scene.frame_current,
+            "muted": json.loads(armature.distretarget_muted),
             "keys": self.keys,
         }
         self.temporary = tempfile.TemporaryDirectory(prefix="distretarget_")
@@ -124,25 +118,22 @@ class Job:
         start = [bpy.app.binary_path, "--background", "--factory-startup", scripts, "--python-exit-code", "1"]
         return [*start, "--python", str(WORKER), "--"]
 
-    def apply(self) -> tuple[bpy.types.Action, dict[str, Any]]:
-        """Make an action of the worker's answer; return it, and the answer with more warnings."""
+    def apply(self) -> bpy.types.Action:
+        """Make an action of the worker's answer, which gets more warnings; return the action."""
         (scene, armature), answer = objects_of(self.names), self.answer
         if armature.data.bones.keys() != self.bones:
             raise SettingsError(f"{armature.name!r} has other bones than before; retarget again")
         names, matrices, on_joints = answer["names"], answer["matrices"], self.keys == "JOINTS"
-        rate = scene.render.fps / scene.render.fps_base
-        times = self.start + np.arange(len(matrices)) * answer["frame_time"] * rate
-        others = other_animation(armature, names if on_joints else ())
-        for _, each in others:
-            each.mute = True
+        times = self.start + np.arange(len(matrices)) * answer["frame_time"] / frame_time_of(scene)
+        muted = mute_others(armature, names if on_joints else ())
         transforms = poses_of(armature, names, matrices)[1] if on_joints else answer["transforms"]
         action = keyed(armature, self.title, times, transforms, answer.get("switches", ()))
         lines = answer.get("lines", [])
-        if muted := [*dict.fromkeys(repr(name) for name, _ in others)]:
+        if muted:
             more = f" and {len(muted) - 1} more" if len(muted) > 1 else ""
-            lines.append(f"muted, since they move bones too: {muted[0]}{more}; undo brings them back")
-        while (armature := armature.parent) is not None:
-            if armature.animation_data is not None:
-                lines.append(f"{armature.name!r} may move and carry the character with it; clear that parent")
+            back = "keys on controls or undo bring" if on_joints else "undo brings"
+            lines.append(f"muted, since they move bones too: {muted[0]!r}{more}; {back} them back")
+        reason = "may move and carry the character with it; clear that parent, constraint or driver"
+        lines += [f"{name!r} {reason}" for name in carriers(armature)]
         answer["warnings"] += [(line, None) for line in lines]
-        return action, answer | {"rate": rate}
+        return action

@@ -84,16 +84,23 @@ def keyed(
 def _set_keys(
     action: bpy.types.Action, bone: bpy.types.PoseBone, transforms: Sequence[Matrix], times: np.ndarray
 ) -> None:
-    """Set the keys of a bone: rotations, and locations unless all are `STILL`."""
-    parts = [Matrix(transform).decompose()[:2] for transform in transforms]
-    locations, rotations = (np.array([[*part[index]] for part in parts]) for index in (0, 1))
-    flips = np.cumprod(np.where((rotations[1:] * rotations[:-1]).sum(axis=1) < 0.0, -1.0, 1.0))
-    rotations[1:] *= flips[:, None]
-    bone.rotation_mode = "QUATERNION"
-    tracks = {"rotation_quaternion": rotations}
+    """Set the keys of a bone: rotations, in its own mode for the sake of its other actions and of drivers that read it,
+    and locations unless all are `STILL`.
+    """
+    locations, rotations, _ = zip(*(Matrix(transform).decompose() for transform in transforms), strict=True)
+    if bone.rotation_mode == "AXIS_ANGLE":  # which does not interpolate well
+        bone.rotation_mode = "QUATERNION"
+    turns = []
+    for rotation in rotations:
+        if bone.rotation_mode == "QUATERNION":
+            rotation.make_compatible(*turns[-1:] or [rotation])
+            turns.append(rotation)
+        else:
+            turns.append(rotation.to_euler(bone.rotation_mode, *turns[-1:]))
+    tracks = {"rotation_quaternion" if bone.rotation_mode == "QUATERNION" else "rotation_euler": turns}
     if np.abs(locations).max() > STILL * bone.bone.length:
         tracks["location"] = locations
-    for path, values in tracks.items():
+    for path, values in ((path, np.array(each)) for path, each in tracks.items()):
         setattr(bone, path, values[0])
         bone.keyframe_insert(path, frame=times[0], group=bone.name)
         full = bone.path_from_id(path)

@@ -17,7 +17,7 @@ from distretarget.errors import DistretargetError, SettingsError
 
 from .contacts import changing_contacts, clip_frame, entries_of, put, state_of, take_markers
 from .job import ENDINGS, Job, objects_of, target_of
-from .rig import skeleton
+from .rig import frame_time_of, skeleton
 
 INTERVAL = 0.05  # between two looks at the progress of a process [s]
 HIDDEN = {"HIDDEN", "SKIP_SAVE"}
@@ -114,17 +114,17 @@ def retarget(self, context):
     clip = settings.performer or Path(bpy.path.abspath(settings.clip))
     job = Job((context.scene.name, target_of(context).name), clip)
     yield from job.done()
-    _, answer = job.apply()
-    _show(job, answer)
-    self.report({"INFO"}, answer["verdict"])
+    job.apply()
+    _show(job)
+    self.report({"INFO"}, job.answer["verdict"])
 
 
-def _show(job: Job, answer: dict[str, Any]) -> None:
+def _show(job: Job) -> None:
     """Show verdict, warnings, contacts and pairs in the panel."""
-    scene, armature = objects_of(job.names)
+    (scene, armature), answer = objects_of(job.names), job.answer
     settings, pairs = scene.distretarget, armature.distretarget_pairs
     settings.verdict, (settings.frames, settings.frame_time) = answer["verdict"], answer["clip"]
-    settings.step = answer["clip"][1] * answer["rate"]
+    settings.step = answer["clip"][1] / frame_time_of(scene)
     settings.warnings.clear()
     for text, frame in answer["warnings"]:
         line = settings.warnings.add()
@@ -157,7 +157,7 @@ def retarget_folder(self, context):
         try:
             job = Job(names, clip)
             yield from (f"{clip.name}, {number + 1} of {len(clips)}. {text}" for text in job.done())
-            _keep(job.apply()[0], *objects_of(names))
+            _keep(job.apply(), *objects_of(names))
         except DistretargetError as error:
             errors.append(str(error))
     if len(errors) == len(clips):
@@ -185,19 +185,13 @@ def forget_pairs(_self, context):
     target_of(context).distretarget_pairs.clear()
 
 
-@operator(
-    "Make a contact",
-    parts=StringProperty(
-        name="Parts", description='Two parts or joints, as in "left hand, hips", or one; else the selected bones'
-    ),
-)
-def contact_make(self, context):
+@operator("Make a contact")
+def contact_make(_self, context):
     """Bring two selected bones together, or hold a single one in place: in the preview range, or in this frame"""
-    scene, settings = context.scene, context.scene.distretarget
-    parts = [each.strip() for each in self.parts.split(",") if each.strip()] or _selected(context)
+    scene, settings, parts = context.scene, context.scene.distretarget, _selected(context)
     if not settings.step:
         raise SettingsError("retarget the clip once, so that its frames are known")
-    if len({*parts}) not in (1, 2) or len({*parts}) < len(parts):
+    if len(parts) not in (1, 2):
         raise SettingsError("select two bones that are to touch, or one that is to stay where it is")
     span = (scene.frame_current, scene.frame_current)
     if scene.use_preview_range:

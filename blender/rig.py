@@ -2,6 +2,7 @@
 """Read an armature: the joints that its meshes need, the meshes at rest, the motion, and what else moves its bones."""
 
 import itertools
+import json
 import math
 from collections.abc import Collection, Iterator
 from typing import Any
@@ -9,8 +10,11 @@ from typing import Any
 import bpy
 import numpy as np
 
+from distretarget.errors import SettingsError
+
 SAME = 1e-4  # tolerance for rest matrices of bones that coincide, for a body of size 1
-MOVES = ("location", "rotation", "scale", "constraints")  # properties of bones; drivers on them move the bone
+MOST_TRIANGLES = 30_000  # of a finer mesh every second, third ... triangle is taken
+MOVES = ("location", "rotation", "scale", "constraints")  # drivers on these properties move a bone or an object
 Joints = dict[str, str | None]
 Arrays = dict[str, Any]
 
@@ -90,30 +94,61 @@ def moved_bones(armature: bpy.types.Object, joints: Collection[str]) -> list[bpy
     return [bone for bone in armature.pose.bones if bone.name in names]
 
 
-def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> list[tuple[str, Any]]:
-    """What moves the bones of joints besides an action, if not muted: constraints and drivers with the name of their
-    bone, and NLA tracks, which move all bones, with their own name.
+def other_animation(armature: bpy.types.Object, joints: Collection[str]) -> dict[str, tuple[str, Any]]:
+    """What moves the bones of joints besides an action, by keys that last: constraints and drivers with the name of
+    their bone, and NLA tracks, which move all bones, with their own name.
     """
-    moved, data, found = moved_bones(armature, joints), armature.animation_data, []
+    moved, data, found = moved_bones(armature, joints), armature.animation_data, {}
     names = {bone.name for bone in moved}
     for bone in armature.pose.bones:
         chain = [each.name for each in (bone, *bone.parent_recursive)]
-        for constraint in bone.constraints:
-            reach = getattr(constraint, "chain_count", 1) or len(chain)
-            found += [(bone.name, constraint)] if names.intersection(chain[:reach]) else []
+        for each in bone.constraints:
+            if names.intersection(chain[: getattr(each, "chain_count", 1) or len(chain)]):
+                found[each.path_from_id()] = bone.name, each
     for bone in moved if data else ():
         paths = tuple(f"{bone.path_from_id()}.{each}" for each in MOVES)
-        found += [(bone.name, curve) for curve in data.drivers if curve.data_path.startswith(paths)]
-    found += [(track.name, track) for track in data.nla_tracks] if data else []
-    return [(name, each) for name, each in found if not each.mute]
+        curves = [curve for curve in data.drivers if curve.data_path.startswith(paths)]
+        found |= {f"{curve.data_path} {curve.array_index}": (bone.name, curve) for curve in curves}
+    return found | {track.name: (track.name, track) for track in (data.nla_tracks if data else ())}
+
+
+def mute_others(armature: bpy.types.Object, joints: Collection[str]) -> list[str]:
+    """Mute `other_animation`, after what an earlier call muted is turned on again; return its names."""
+    unmute(armature, json.loads(armature.distretarget_muted))
+    others = {key: pair for key, pair in other_animation(armature, joints).items() if not pair[1].mute}
+    for _, each in others.values():
+        each.mute = True
+    armature.distretarget_muted = json.dumps([*others])
+    return [*dict.fromkeys(name for name, _ in others.values())]
+
+
+def unmute(armature: bpy.types.Object, keys: Collection[str]) -> None:
+    """Turn what has these keys in `other_animation` on again."""
+    every = other_animation(armature, armature.pose.bones.keys())
+    for key in every.keys() & {*keys}:
+        every[key][1].mute = False
+
+
+def carriers(armature: bpy.types.Object) -> list[str]:
+    """The objects that may move an armature: its parents, and with constraints or drivers of the object itself."""
+    found, each = [], armature
+    while each is not None:
+        data = each.animation_data
+        drivers = [curve for curve in data.drivers if curve.data_path.startswith((*MOVES, "delta_"))] if data else []
+        if each.constraints or (drivers if each == armature else data):
+            found.append(each.name)
+        each = each.parent
+    return found
 
 
 def shape_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that meshes need, and the meshes, in the rest pose.
+    """Return the joints that meshes need, and the meshes, in the rest pose; a SettingsError if there are no bones.
 
     `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices`, (vertices, 3), `triangles`, (triangles, 3); and
     of each influence its vertex in `influenced`, ascending, its joint in `influencing`, and `weights`, (influences,).
     """
+    if not armature.data.bones:
+        raise SettingsError(f"{armature.name!r} has no bones")
     joints, world, bones = skeleton(armature), armature.matrix_world, armature.data.bones
     number: dict[str | None, int] = {name: index for index, name in enumerate(joints)} | {None: -1}
     heads = [world @ bones[name].head_local if name in bones else world.translation for name in joints]
@@ -124,17 +159,19 @@ def shape_of(armature: bpy.types.Object) -> Arrays:
     for mesh in skinned_meshes(armature):
         data = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get()).data  # with its modifiers
         data.calc_loop_triangles()
-        matrix, positions = np.array(mesh.matrix_world), _read(data.vertices, "co")
+        step = len(data.loop_triangles) // MOST_TRIANGLES + 1
+        used, corners = np.unique(_read(data.loop_triangles, "vertices")[::step].astype(int), return_inverse=True)
+        matrix, positions = np.array(mesh.matrix_world), _read(data.vertices, "co")[used]
         vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
-        triangles.append(first + _read(data.loop_triangles, "vertices").astype(int))
+        triangles.append(first + corners.reshape(-1, 3))
         groups = {group.index: number[group.name] for group in mesh.vertex_groups if group.name in number}
         influences += [
-            (first + vertex.index, groups[each.group], each.weight)
-            for vertex in data.vertices
-            for each in vertex.groups
+            (first + number, groups[each.group], each.weight)
+            for number, vertex in enumerate(used.tolist())
+            for each in data.vertices[vertex].groups
             if each.group in groups and each.weight > 0.0
         ]
-        first += len(positions)
+        first += len(used)
     armature.data.pose_position = before
     influenced, influencing, weights = np.array(influences).reshape(-1, 3).T
     arrays |= {"vertices": np.concatenate(vertices), "triangles": np.concatenate(triangles), "weights": weights}
@@ -173,9 +210,13 @@ def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
         pairs = zip(posed, inverse_rests, strict=True)
         rotations.append([[*(matrix @ inverse).to_quaternion()] for matrix, inverse in pairs])
     scene.frame_set(math.floor(now), subframe=now % 1.0)
-    frame_time = scene.render.fps_base / scene.render.fps
-    w_x_y_z = np.array(rotations)
-    return {"positions": np.array(positions), "rotations": w_x_y_z[..., [1, 2, 3, 0]], "frame_time": frame_time}
+    turns = np.array(rotations)[..., [1, 2, 3, 0]]
+    return {"positions": np.array(positions), "rotations": turns, "frame_time": frame_time_of(scene)}
+
+
+def frame_time_of(scene: bpy.types.Scene) -> float:
+    """The time between the frames of a scene [s]."""
+    return scene.render.fps_base / scene.render.fps
 
 
 def _action_of(armature: bpy.types.Object) -> bpy.types.Action | None:

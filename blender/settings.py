@@ -6,7 +6,7 @@ from pathlib import PurePath
 import bpy
 from bpy import props
 
-from .contacts import DISTRETARGET_PG_contact, DISTRETARGET_PG_mark, set_markers
+from .contacts import DISTRETARGET_PG_contact, set_markers
 from .rig import title_of
 
 
@@ -15,14 +15,12 @@ def _clip_changed(settings, _context):
     set_markers(settings.id_data)
 
 
-def _pair_chosen(pair, _context):
-    pair.is_chosen = True
-
-
 class DISTRETARGET_PG_pair(bpy.types.PropertyGroup):
     """The bone called `name`, and the joint of the clip that drives it."""
 
-    source: props.StringProperty(name="Joint", description="The joint of the clip", update=_pair_chosen)
+    source: props.StringProperty(
+        name="Joint", description="The joint of the clip", update=lambda pair, _: setattr(pair, "is_chosen", True)
+    )
     is_chosen: props.BoolProperty(name="Chosen", description="Chosen by the user, and kept")
 
 
@@ -81,7 +79,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     step: props.FloatProperty(description="Frames of the scene per frame of the clip; 0 before retargeting")
     joints: props.CollectionProperty(type=bpy.types.PropertyGroup)  # of the clip, by name
     contacts: props.CollectionProperty(type=DISTRETARGET_PG_contact)
-    marks: props.CollectionProperty(type=DISTRETARGET_PG_mark)
+    marks: props.StringProperty(default="{}")  # by marker: contact, 0 for its first or 1 for its last frame, frame
     contact: props.IntProperty(description="The contact that is chosen in the list")
 
     @property
@@ -97,7 +95,6 @@ def clip_key(clip: str | PurePath, animation: str) -> str:
 GROUPS = (
     DISTRETARGET_PG_pair,
     DISTRETARGET_PG_warning,
-    DISTRETARGET_PG_mark,
     DISTRETARGET_PG_contact,
     DISTRETARGET_PG_settings,
 )

@@ -81,8 +81,8 @@ def _retargeted(job: dict, progress: Path) -> dict:
     matrices[..., :3, :3] = Rotation.from_quat(written.world_rotations).as_matrix()
     matrices[..., :3, 3] = written.positions
     numbers = {text: re.search(r"\bframe (\d+)", text) for text in result.warnings}
-    names, sources = result.matching.target.skeleton.keys, result.matching.source.skeleton
-    drivers = [sources.keys[one] if one >= 0 else "" for one in result.matching.drivers]
+    bones, sources = result.matching.target.skeleton, result.matching.source.skeleton
+    drivers = [(joint, result.matching.drivers[joint]) for joint in bones.joints]
     return {
         "names": written.skeleton.names,
         "matrices": matrices,
@@ -93,7 +93,7 @@ def _retargeted(job: dict, progress: Path) -> dict:
             *((f"this clip has no joint {missing[each]!r}, which was chosen for {each!r}", None) for each in missing),
         ],
         "contacts": json.loads(contacts_to_json(contacts_of(result.baseline)))["contacts"],
-        "pairs": [*zip(names, drivers, strict=True)],
+        "pairs": [(bones.keys[joint], sources.keys[one] if one >= 0 else "") for joint, one in drivers],
         "joints": [sources.keys[joint] for joint in sources.joints],
         "clip": (len(motion), motion.frame_time),
     }
@@ -106,12 +106,15 @@ def _on_controls(job: dict, answer: dict, folder: Path) -> dict:
     extension = sys.modules["extension"] = types.ModuleType("extension")
     extension.__path__ = [str(Path(__file__).parent)]
     from extension.controls import solve
+    from extension.rig import unmute
 
     with bpy.data.libraries.load(str(folder / "character.blend")) as (_, wanted):
         wanted.objects = [job["armature"]]
     (armature,) = wanted.objects
     armature.hide_viewport = False
     bpy.context.scene.collection.objects.link(armature)
+    bpy.context.scene.frame_set(job["frame"])  # puts it where it is in the world
+    unmute(armature, job["muted"])
     progress = _Progress(folder / "progress", "Moving the controls", len(answer["matrices"]))
     return solve(armature, answer["names"], answer["matrices"], job["keys"], progress)
 
@@ -129,6 +132,7 @@ def _skeleton(arrays: dict[str, np.ndarray]):
         channels=(DEFAULT_ROOT, *[DEFAULT_ROTATIONS] * (len(parents) - 1)),
         end_sites=np.zeros(len(parents), bool),
         up="Z",
+        floor_at_zero=True,
     )
 
 
@@ -137,6 +141,7 @@ def _motion(arrays: dict[str, np.ndarray]):
     from scipy.spatial.transform import Rotation
 
     from distretarget import Motion
+    from distretarget.body.single_bones import on_ends
     from distretarget.numerics.kinematics import make_local
 
     skeleton, rotations, positions = _skeleton(arrays), arrays["rotations"], arrays["positions"]
@@ -146,27 +151,33 @@ def _motion(arrays: dict[str, np.ndarray]):
     translations = np.where(rigid[:, None], skeleton.offsets, translations)
     translations[:, 0] = positions[:, 0]
     make_local(skeleton.parents, rotations)
-    return Motion.of_translations(skeleton, translations, rotations, repr(arrays["frame_time"]))
+    motion = Motion.of_translations(skeleton, translations, rotations, repr(arrays["frame_time"]))
+    return on_ends(motion, lambda: _mesh(arrays))
 
 
 def _target(arrays: dict[str, np.ndarray]):
     """The character as a target."""
     from distretarget import Target
+    from distretarget.body.single_bones import with_ends
+
+    mesh = _mesh(arrays)
+    return Target(with_ends(_skeleton(arrays), lambda: mesh), {}, "", mesh=lambda: mesh)
+
+
+def _mesh(arrays: dict[str, np.ndarray]):
+    """The skinned meshes of an armature as one, or None."""
+    from distretarget.io.fbx import influences_of
     from distretarget.skin.mesh import SkinnedMesh
 
-    skeleton, influenced = _skeleton(arrays), arrays["influenced"]
-    if not len(influenced):
-        return Target(skeleton, {}, "")
-    rank = np.arange(len(influenced)) - np.searchsorted(influenced, influenced)
-    weights = np.zeros((len(arrays["vertices"]), rank.max() + 1))
-    joints = np.zeros(weights.shape, int)
-    joints[influenced, rank], weights[influenced, rank] = arrays["influencing"], arrays["weights"]
+    influences = [arrays[name] for name in ("influenced", "influencing", "weights")]
+    if not len(influences[0]):
+        return None
+    joints, weights = influences_of(len(arrays["vertices"]), *influences)
     bound = weights.sum(axis=1) > 0.0
     weights[~bound, 0] = 1.0  # vertices without a bone move with the root
     weights /= weights.sum(axis=1, keepdims=True)
     triangles = arrays["triangles"][bound[arrays["triangles"]].all(axis=1)]
-    mesh = SkinnedMesh(arrays["vertices"] - arrays["heads"][0], joints, weights, triangles)
-    return Target(skeleton, {}, "", mesh=lambda: mesh)
+    return SkinnedMesh(arrays["vertices"] - arrays["heads"][0], joints, weights, triangles)
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ import itertools
 import json
 import math
 import os
-import re
 import subprocess
 import sys
 import traceback
@@ -29,8 +28,7 @@ FOLDER, ROOT = Path(sys.argv[2]), Path(__file__).resolve().parents[1]
 HERO, CLAP = str(ROOT / "sample_characters" / "hero.glb"), ROOT / "sample_bvh" / "clap.bvh"
 NEAR = 1e-4  # [m], and of the entries of rotation matrices
 CRASH = -11  # the module of Blender 4.2.0 crashes as Python ends, after all is done
-ODDITIES = """names_with_spaces scale_001 scale_uneven ik constraints hidden no_inherited_rotation drivers
-two_armatures two_roots meshes_on_bones posed unreal vrm two_characters"""
+ODDITIES = "scale_001 constraints no_inherited_rotation drivers two_roots meshes_on_bones more_bones two_characters"
 operators, answers = bpy.ops.distretarget, []
 
 
@@ -141,10 +139,21 @@ def test_bones_and_skin_are_where_the_result_has_them_and_nothing_is_lost():
         np.add.at(shall, influenced, (weights / total[influenced])[:, None] * places)
         there = shown(mesh, frame)
         assert np.abs([there.matrix_world @ vertex.co for vertex in there.data.vertices] - shall).max() < NEAR
-    verdicts = settings().verdict, retarget(read_bvh(CLAP), load_target(HERO)).verdict
-    assert len({re.sub(r"[\d.]+", "", each) for each in verdicts}) == 1
-    numbers = [[float(number) for number in re.findall(r"\d+\.\d+", each)] for each in verdicts]
-    assert np.allclose(*numbers, atol=0.11), numbers  # a rest pose in single precision is rounded
+
+
+def test_results_are_those_of_the_command_line():
+    for file in (HERO, str(FOLDER / "blocks.glb")):
+        if file == HERO:
+            hero()
+        else:
+            odd("blocks")
+            bpy.ops.export_scene.gltf(filepath=file, export_animations=False, export_rest_position_armature=True)
+        done(operators.retarget)
+        motion = retarget(read_bvh(settings().clip), load_target(file)).motion
+        names = [name for name in motion.skeleton.names if name in answers[-1]["names"]]
+        places = motion.positions[:, [motion.skeleton.names.index(name) for name in names]] * [1, 1, -1]
+        found = np.stack([joint(name, slice(None))[:, [0, 2, 1], 3] for name in names], axis=1)
+        assert np.abs(found - places).max() < 1e-3  # the rest pose is in single precision
 
 
 def test_an_armature_of_the_scene_that_moves_is_a_clip():
@@ -192,12 +201,7 @@ def test_what_is_wrong_is_told_in_a_line():
     settings().clip = str(CLAP)
     assert "select the armature of a character" in fault(operators.retarget)
     armature = hero()
-    for clip, words in (
-        ("", "choose a clip"),
-        ("/nowhere.bvh", "there is no such file"),
-        (__file__, "expected a clip"),
-        (broken, "broken.bvh"),
-    ):
+    for clip, words in (("", "choose a clip"), ("/nowhere.bvh", "there is no such file"), (broken, "broken.bvh")):
         settings().clip = str(clip)
         assert words in fault(operators.retarget)
     assert "choose a folder of clips" in fault(operators.retarget_folder)
@@ -234,25 +238,16 @@ def test_odd_characters_take_on_a_motion():
         armature = odd(name)
         if name == "two_characters":
             armature = bpy.context.view_layer.objects.active = bpy.data.objects["Armature 2"]
-        if name == "scale_uneven":
-            assert "uneven scale; apply it" in fault(operators.retarget)
-        else:
-            assert bool(run(armature)) == (name in ("ik", "constraints", "drivers")), name
+        assert bool(run(armature)) == (name in ("constraints", "drivers")), name
 
 
-def test_meshes_with_modifiers_and_bodies_without_legs():
+def test_meshes_with_modifiers():
     armature, body = odd("ik"), bpy.data.objects["Body"]
     body.shape_key_add(name="Basis")
     body.shape_key_add(name="Smile").value = 0.5
     body.modifiers.new("Smooth", "SUBSURF").levels = 1
     body.modifiers.new("Mirror", "MIRROR")
     assert run(armature)
-    armature = odd("names_with_spaces")
-    bpy.ops.object.mode_set(mode="EDIT")
-    for bone in [each for each in armature.data.edit_bones if each.name.endswith(("Leg", "Foot", "Toes"))]:
-        armature.data.edit_bones.remove(bone)
-    bpy.ops.object.mode_set(mode="OBJECT")
-    assert not run(armature)
 
 
 def test_tracks_and_actions_of_before_do_not_disturb():
@@ -260,17 +255,19 @@ def test_tracks_and_actions_of_before_do_not_disturb():
     data = armature.animation_data_create()
     data.action = bpy.data.actions.new("old")
     for bone in armature.pose.bones:
-        bone.location, bone.scale = (1, 2, 3), (2, 2, 2)
+        bone.location, bone.scale, bone.rotation_mode = (1, 2, 3), (2, 2, 2), "XYZ"
         bone.keyframe_insert("location", frame=1)
         bone.keyframe_insert("scale", frame=1)
     strip, data.action = data.nla_tracks.new().strips.new("old", 1, data.action), None
     data.nla_tracks[0].select, strip.select, data.nla_tracks.active = True, True, data.nla_tracks[0]
     data.use_tweak_mode, data.action_influence, armature.data.pose_position = True, 0.5, "REST"
     assert run(armature)
+    assert {bone.rotation_mode for bone in armature.pose.bones} == {"XYZ"}  # of the old action
     top = armature.parent = bpy.data.objects.new("Top", None)
     top.keyframe_insert("location", frame=1)
+    armature.constraints.new("LIMIT_LOCATION")
     run(armature)
-    assert any("'Top' may move" in line for line in warnings())
+    assert [line[: line.index(" may move")] for line in warnings() if " may move" in line] == ["'Armature'", "'Top'"]
 
 
 def test_times_and_scenes():
@@ -343,7 +340,7 @@ def test_linked_characters_are_refused_and_overrides_work():
 
 
 def test_the_command_saves_another_file():
-    for name in ("ik", "two_characters", "two_armatures", "scale_uneven"):
+    for name in ("two_armatures", "two_characters"):
         odd(name)
         bpy.ops.wm.save_as_mainfile(filepath=str(FOLDER / f"{name}.blend"))
 
@@ -353,20 +350,17 @@ def test_the_command_saves_another_file():
         assert "Traceback" not in told.stderr, told.stderr
         return told
 
-    before = (FOLDER / "ik.blend").read_bytes()
-    told = command("ik.blend", "--keys", "IK", "--start", "5", out="out.blend")
+    before = (FOLDER / "two_armatures.blend").read_bytes()
+    told = command("two_armatures.blend", "--keys", "IK", "--start", "5", out="out.blend")
     assert told.returncode in (0, CRASH)
     assert "feet do not skate" in told.stdout
-    assert (FOLDER / "ik.blend").read_bytes() == before
+    assert (FOLDER / "two_armatures.blend").read_bytes() == before
+    two = "two_characters.blend"
     for arguments, words, out in (
-        (["ik.blend"], "expected the name of a new .blend file", "out.blend"),
-        (["two_characters.blend"], "choose with --armature, found 'Armature', 'Armature 2'", "other.blend"),
-        (
-            ["two_armatures.blend", "--armature", "Nobody"],
-            "one armature 'Nobody', found 'Armature', 'Crane'",
-            "a.blend",
-        ),
-        (["scale_uneven.blend"], "uneven scale", "other.blend"),
+        ([two], "expected the name of a new .blend file", "out.blend"),
+        ([two], "choose with --armature, found 'Armature', 'Armature 2'", "other.blend"),
+        ([two, "--armature", "Nobody"], "one armature 'Nobody', found 'Armature', 'Armature 2'", "other.blend"),
+        ([two, "--armature", "Armature", "--contacts", "none.json"], "no such file", "other.blend"),
         (["none.blend"], "expected a .blend file", "other.blend"),
     ):
         told = command(*arguments, out=out)
@@ -385,7 +379,7 @@ def test_contacts_are_dropped_made_moved_kept_and_exchanged():
     def listed():
         return [json.loads(row.entry) for row in settings().contacts if row.clip == settings().clip_key]
 
-    assert "retarget the clip once" in fault(operators.contact_make, parts="left hand, head")
+    assert "retarget the clip once" in fault(operators.contact_make)
     done(operators.retarget)
     motion, target = read_bvh(CLAP), load_target(HERO)
     assert listed() == json.loads(contacts_to_json(find_contacts(motion, target)))["contacts"]
@@ -479,10 +473,15 @@ def test_the_panel_draws_what_there_is():
 def test_controls_bring_joints_to_where_the_motion_has_them():
     for name, mode in itertools.product(("copies", "rigify"), ("FK", "IK")):
         armature = odd(name)
-        bones, settings().keys = armature.pose.bones, mode
+        bones = armature.pose.bones
+        armature.location, armature.rotation_euler, armature.scale = (1, 2, 0), (0.5, 0, 1), (2, 2, 2)
+        armature.keyframe_insert("location", frame=1)
+        bpy.context.scene.frame_set(40)
         deforming = {bone.name for bone in armature.data.bones if bone.use_deform}
         muted = [each.mute for bone in bones for each in bone.constraints]
-        done(operators.retarget)
+        for keys in ("JOINTS", mode):
+            settings().keys = keys
+            done(operators.retarget)
         assert [each.mute for bone in bones for each in bone.constraints] == muted
         answer, action = answers[-1], armature.animation_data.action
         assert len({*answer["names"]} & deforming) >= 20

@@ -9,23 +9,14 @@ from collections.abc import Callable
 import bpy
 from mathutils import Euler, Matrix, Vector
 
-# Rigify's names without sides, and other names for the same bones; {} is the side.
+# Rigify's names without sides, and odd names for the same bones; {} is the side.
 PARTS = (
     "spine,spine.001,spine.002,spine.003,spine.004,spine.005,spine.006,"
     "shoulder,upper_arm,forearm,hand,thigh,shin,foot,toe"
 )
-UNITY = (
+ODD = (
     "Hips,Spine,Chest,Brust/Oberkörper,Neck,Neck 2,頭,"
     "{} Shoulder,{} Upper Arm,{} Lower Arm,{}:Hand.x,{} Upper Leg,{} Lower Leg,{} Foot,{} Toes"
-)
-UNREAL = (
-    "pelvis,spine_01,spine_02,spine_03,neck_01,neck_02,head,"
-    "clavicle_{},upperarm_{},lowerarm_{},hand_{},thigh_{},calf_{},foot_{},ball_{}"
-)
-VRM = (
-    "J_Bip_C_Hips,J_Bip_C_Spine,J_Bip_C_Chest,J_Bip_C_UpperChest,J_Bip_C_Neck,J_Bip_C_Neck2,J_Bip_C_Head,"
-    "J_Bip_{}_Shoulder,J_Bip_{}_UpperArm,J_Bip_{}_LowerArm,J_Bip_{}_Hand,"
-    "J_Bip_{}_UpperLeg,J_Bip_{}_LowerLeg,J_Bip_{}_Foot,J_Bip_{}_ToeBase"
 )
 LIMBS = [
     (one + side, two + side, end + side)
@@ -102,14 +93,6 @@ def hang(armature: Armature, bone: str, corners: list[Vector], faces: list[tuple
     part.matrix_parent_inverse = Matrix.Translation((0, -armature.data.bones[bone].length, 0))
 
 
-def rename(armature: Armature, names: str, left: str, right: str) -> None:
-    """Give the bones other names."""
-    by_part = dict(zip(PARTS.split(","), names.split(","), strict=True))
-    for bone in armature.data.bones:
-        part = bone.name.removesuffix(".L").removesuffix(".R")
-        bone.name = by_part[part].format(right if bone.name.endswith(".R") else left)
-
-
 def add_bone(armature: Armature, name: str, head: Vector, tail: Vector, parent: str | None = None) -> None:
     def add(bones: Bones) -> None:
         bone = bones.new(name)
@@ -120,35 +103,49 @@ def add_bone(armature: Armature, name: str, head: Vector, tail: Vector, parent: 
 
 def names_with_spaces(armature: Armature) -> None:
     """Names as in Unity's humanoid, such as Left Upper Arm; also colons, slashes, dots and other alphabets."""
-    rename(armature, UNITY, "Left", "Right")
+    by_part = dict(zip(PARTS.split(","), ODD.split(","), strict=True))
+    for bone in armature.data.bones:
+        part = bone.name.removesuffix(".L").removesuffix(".R")
+        bone.name = by_part[part].format("Right" if bone.name.endswith(".R") else "Left")
 
 
-def unreal(armature: Armature) -> None:
-    """A root bone, twist bones that have skin, and IK bones that have none, as in Unreal."""
-    rename(armature, UNREAL, "l", "r")
+def more_bones(armature: Armature) -> None:
+    """A root bone, twist bones that have skin, a skirt of eight bones whose sway hangs from the hips, IK bones that
+    have no skin, and a staff as a mesh on a hand.
+    """
+    bones = armature.data.bones
     add_bone(armature, "root", Vector(), Vector((0, 0.2, 0)))
-    with_edit_bones(armature, lambda bones: setattr(bones["pelvis"], "parent", bones["root"]))
-    for name in ("upperarm_l", "upperarm_r", "lowerarm_l", "lowerarm_r", "calf_l", "calf_r"):
-        bone = armature.data.bones[name]
+    with_edit_bones(armature, lambda bones: setattr(bones["spine"], "parent", bones["root"]))
+    for name in ("upper_arm.L", "upper_arm.R", "forearm.L", "forearm.R", "shin.L", "shin.R"):
+        bone = bones[name]
         middle = (bone.head_local + bone.tail_local) / 2
         add_bone(armature, f"{name[:-2]}_twist_01{name[-2:]}", middle, bone.tail_local, name)
-    add_boxes(armature)
-    for end in ("foot_l", "foot_r", "hand_l", "hand_r"):
-        bone = armature.data.bones[end]
-        add_bone(armature, f"ik_{end}", bone.head_local, bone.tail_local, "root")
-
-
-def vrm(armature: Armature) -> None:
-    """Names as of VRoid, a skirt of eight bones whose sway hangs from the hips, and a staff as a mesh on a hand."""
-    rename(armature, VRM, "L", "R")
-    hips = armature.data.bones["J_Bip_C_Hips"].head_local.copy()
+    hips = bones["spine"].head_local.copy()
     for number in range(8):
         way = Matrix.Rotation(number * math.pi / 4, 3, "Z") @ Vector((0.2, 0, 0))
         top, end = hips + way, hips + 1.3 * way - Vector((0, 0, 0.2))
-        add_bone(armature, f"J_Sec_Skirt{number}_01", top, end, "J_Bip_C_Hips")
-        add_bone(armature, f"J_Sec_Skirt{number}_02", end, 2 * end - top, f"J_Sec_Skirt{number}_01")
+        add_bone(armature, f"skirt {number}", top, end, "spine")
+        add_bone(armature, f"hem {number}", end, 2 * end - top, f"skirt {number}")
     add_boxes(armature)
-    hang(armature, "J_Bip_R_Hand", [Vector((0, 0, -0.5)), Vector((0, 0, 0.5)), Vector((0.02, 0, 0.5))], [(0, 1, 2)])
+    for end in ("foot.L", "foot.R", "hand.L", "hand.R"):
+        add_bone(armature, f"ik_{end}", bones[end].head_local, bones[end].tail_local, "root")
+    hang(armature, "hand.R", [Vector((0, 0, -0.5)), Vector((0, 0, 0.5)), Vector((0.02, 0, 0.5))], [(0, 1, 2)])
+
+
+def blocks(armature: Armature) -> None:
+    """A figure of blocks: arms and legs are one bone each, without ends."""
+    tops = {"upper_arm.L": "hand.L", "upper_arm.R": "hand.R", "thigh.L": "foot.L", "thigh.R": "foot.R", "spine.006": ""}
+
+    def change(bones: Bones) -> None:
+        for name, end in tops.items():
+            bones[name].use_connect, bones[name].parent = False, bones["spine"]
+            bones[name].tail = bones[end].head if end else bones[name].tail
+        for spare in [bone for bone in bones if bone.name not in {"spine", *tops}]:
+            bones.remove(spare)
+
+    with_edit_bones(armature, change)
+    for name, own in zip(tops, ("LeftArm", "RightArm", "LeftLeg", "RightLeg", "Head"), strict=True):
+        armature.data.bones[name].name = own
 
 
 def scale_001(armature: Armature) -> None:
@@ -156,11 +153,6 @@ def scale_001(armature: Armature) -> None:
     turn = Matrix.Rotation(math.radians(90), 4, "X") @ Matrix.Scale(0.01, 4)
     armature.data.transform(turn.inverted())
     armature.matrix_world = turn
-
-
-def scale_uneven(armature: Armature) -> None:
-    """An armature below an object that is 10 % taller than wide."""
-    armature.scale = (1, 1, 1.1)
 
 
 def ik(armature: Armature) -> None:
@@ -191,12 +183,6 @@ def constraints(armature: Armature) -> None:
     armature.data.bones["forearm.L"].use_local_location = False
     armature.pose.bones["spine"].rotation_mode = "AXIS_ANGLE"
     armature.pose.bones["spine"].scale = (2, 2, 2)
-
-
-def hidden(armature: Armature) -> None:
-    """The armature is hidden in viewports."""
-    add_boxes(armature)
-    armature.hide_viewport = True
 
 
 def no_inherited_rotation(armature: Armature) -> None:
@@ -237,8 +223,10 @@ def two_characters(armature: Armature) -> None:
 
 
 def two_roots(armature: Armature) -> None:
-    """The body, and a lantern beside it, without a common root."""
+    """The body, and a lantern beside it, without a common root; the armature is hidden in viewports."""
     add_bone(armature, "lantern", Vector((1, 0, 1)), Vector((1, 0, 1.3)))
+    add_boxes(armature)
+    armature.hide_viewport = True
 
 
 def meshes_on_bones(armature: Armature) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.character.nodes import INFLUENCES, Nodes
-from distretarget.io.fbx import _influences, _inverse, _parts, _skins
+from distretarget.io.fbx import _inverse, _parts, _skins, influences_of
 
 QUARTER = Rotation.from_euler("Z", 90, degrees=True).as_quat()
 STILL = np.array([0.0, 0.0, 0.0, 1.0])
@@ -28,7 +28,7 @@ def test_the_strongest_bones_of_a_vertex_are_kept_the_strongest_first():
     many = INFLUENCES + 2
     moved = np.array([0] * many + [1])
     movers, weights = np.array([*range(many), 5]), np.array([*(0.1 * np.arange(1, many + 1)), 0.3])
-    joints, shares = _influences(3, moved, movers, weights)
+    joints, shares = influences_of(3, moved, movers, weights)
     assert joints.shape == shares.shape == (3, INFLUENCES)
     assert joints[0].tolist() == list(range(many - 1, 1, -1))
     np.testing.assert_allclose(shares[0], 0.1 * np.arange(many, 2, -1))

@@ -2,7 +2,7 @@
 
     python tools/make_blender.py FOLDER [--platform linux-x64] [--wheel WHEEL]
 
-numpy is part of Blender; scipy, click and tqdm are downloaded for the platform and each Python of Blender, which
+numpy is part of Blender; scipy, click, tqdm and ufbx are downloaded for the platform and each Python of Blender, which
 installs the wheels for its own. WHEEL is distretarget's for the platform; by default it is built here
 (DISTRETARGET_PLATFORM builds others). In Blender: Edit > Preferences > Get Extensions > Install from Disk.
 """
@@ -19,7 +19,7 @@ from pathlib import Path
 import click
 
 ROOT = Path(__file__).resolve().parents[1]
-NEEDED = ("scipy", "click", "tqdm")  # besides numpy, which Blender has
+NEEDED = ("scipy", "click", "tqdm", "ufbx==0.0.5")  # besides numpy, which Blender has
 PYTHONS = ("3.11", "3.13")  # of Blender 4.2 to 5.0, and from 5.1 on
 PLATFORMS = {  # pip's names by Blender's
     "linux-x64": ("manylinux_2_28_x86_64", "manylinux_2_17_x86_64", "manylinux2014_x86_64"),

@@ -133,7 +133,7 @@ def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Ma
     split = {name: np.split(read[name], at) for at, names in zip(ends, MESH_ARRAYS, strict=True) for name in names}
     parts = []
     for row in (dict(zip(split, each, strict=True)) for each in zip(*split.values(), strict=True)):
-        joints, weights = _influences(len(row["vertices"]), *(row.pop(name) for name in MESH_ARRAYS[3]))
+        joints, weights = influences_of(len(row["vertices"]), *(row.pop(name) for name in MESH_ARRAYS[3]))
         row["normals"] = row["normals"] if row["normals"].any() else None
         parts.append(MeshPart(**row, joints=joints, weights=weights))
     image_of, names = read["image_of"].tolist(), read["image_names"]
@@ -145,10 +145,12 @@ def _mesh(path: str | Path, read: Read) -> tuple[Nodes, list[MeshPart], tuple[Ma
     return nodes, parts, tuple(materials), tuple("" if n < 0 or images[n] else names[n] for n in image_of)
 
 
-def _influences(
+def influences_of(
     vertices: int, influenced: NDArray[np.intp], influencing: NDArray[np.intp], weights: Array
 ) -> tuple[NDArray[np.intp], Array]:
-    """The bones with the largest weights on each vertex, and these weights, (vertices, influences) each."""
+    """Return the bones with the largest weights on each vertex, and these weights, (vertices, influences) each; the
+    arguments have an entry for each influence of a bone on a vertex.
+    """
     order = np.lexsort([-weights, influenced])
     influenced, influencing, weights = influenced[order], influencing[order], weights[order]
     rank = np.arange(len(influenced)) - np.searchsorted(influenced, influenced)
