@@ -133,6 +133,13 @@ def farthest_apart(one: Motion, other: Motion) -> float:
     return float(100.0 * np.linalg.norm(a - b, axis=-1).max() / np.ptp(one.skeleton.rest_positions, axis=0).max())
 
 
+def turned_at_most(one: Motion, other: Motion, names: tuple[str, ...]) -> float:
+    """How far joints whose names end with these are turned against each other in two motions at most [degrees]."""
+    joints = [joint for joint, name in enumerate(one.skeleton.names) if name.endswith(names)]
+    turns = [Rotation.from_quat(each.world_rotations[:, joints].reshape(-1, 4)) for each in (one, other)]
+    return float(np.degrees((turns[0].inv() * turns[1]).magnitude()).max())
+
+
 def plain(motion: Motion) -> Motion:
     """The structure of the sample."""
     return motion
@@ -307,16 +314,20 @@ def leaning(motion: Motion) -> Motion:
     return replace(motion, skeleton=skeleton, rotations=rotations)
 
 
-def with_hanging_feet(motion: Motion) -> Motion:
-    """Feet point farther down in the rest pose; the body moves as before."""
-    turn = Rotation.from_euler("x", 40, degrees=True)
-    skeleton, rotations = motion.skeleton, motion.rotations.copy()
-    for ankle in (skeleton.index(f"{side}Ankle") for side in SIDES):
-        for joint in skeleton.subtree(ankle):
-            above = Rotation.identity() if joint == ankle else turn
-            rotations[:, joint] = (above * Rotation.from_quat(rotations[:, joint]) * turn.inv()).as_quat()
-        skeleton = turned_below(skeleton, ankle, turn)
-    return replace(motion, skeleton=skeleton, rotations=rotations)
+def resting(part: str, axis: str, degrees: float) -> Structure:
+    """Both joints of a part are turned in the rest pose, as mirror images; the body moves as before."""
+
+    def write(motion: Motion) -> Motion:
+        skeleton, rotations = motion.skeleton, motion.rotations.copy()
+        for side, sign in zip(SIDES, (1, 1 if axis == "x" else -1), strict=True):
+            top, turn = skeleton.index(f"{side}{part}"), Rotation.from_euler(axis, sign * degrees, degrees=True)
+            for joint in skeleton.subtree(top):
+                above = Rotation.identity() if joint == top else turn
+                rotations[:, joint] = (above * Rotation.from_quat(rotations[:, joint]) * turn.inv()).as_quat()
+            skeleton = turned_below(skeleton, top, turn)
+        return replace(motion, skeleton=skeleton, rotations=rotations)
+
+    return write
 
 
 def all_under_root(motion: Motion) -> Motion:

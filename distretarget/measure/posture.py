@@ -94,6 +94,8 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
             axes[0] = matching.source_normals[k], axes[0][1]
         if matching.target_normals is not None and legs[1].toe != legs[1].ankle:
             axes[1] = matching.target_normals[k], axes[1][1]
+        if matching.turnout[k]:
+            axes[1] = axes[1][0], Rotation.from_rotvec(matching.turnout[k] * axes[1][0]).apply(axes[1][1])
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
     return posture
 

@@ -76,7 +76,10 @@ def match_performer(transfer: Transfer) -> Match:
     """Match a source to its target; errors as in `retarget`."""
     matched = _match_joints(transfer)
     has_skin = transfer.options.objective != "paper" and transfer.options.skin != "none"
-    return _with_skins(matched, transfer) if has_skin else matched
+    matched = _with_skins(matched, transfer) if has_skin else matched
+    matching, on_mesh = matched.matching, matched.undersides is not None and matched.undersides.feet_on_mesh
+    shown = matching.with_resting_soles if on_mesh else matching.with_untilted_soles
+    return matched if shown is matching else replace(matched, matching=shown)
 
 
 def _match_joints(transfer: Transfer) -> Match:
@@ -115,10 +118,7 @@ def _with_skins(matched: Match, transfer: Transfer) -> Match:
     source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
     skins = skins.on_meshes(source_mesh, None if matched.hips else mesh, matching)
     matching = matching.with_mesh_soles(mesh)
-    found = replace(matched, matching=matching, skins=skins, mesh=mesh, source_mesh=source_mesh)
-    if found.undersides is not None and found.undersides.feet_on_mesh:
-        return replace(found, matching=matching.with_resting_soles)
-    return found
+    return replace(matched, matching=matching, skins=skins, mesh=mesh, source_mesh=source_mesh)
 
 
 def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, transfer: Transfer) -> Build | None:
