@@ -84,12 +84,12 @@ class Disguise(NamedTuple):
         named = self.worn(structure(at_rest))
         if not self.gltf:
             return Target(named.skeleton, {}, "")
-        mesh = box_mesh(Bones.of(self.worn(at_rest).skeleton, stand=False))
-        return load_target(_character(named, [mesh]).write(_unused(folder)))
+        mesh = box_mesh(Bones.of(self.worn(at_rest).skeleton))
+        return load_target(_character(named, [mesh], stand=True).write(_unused(folder)))
 
 
-def _character(motion: Motion, meshes: Sequence[Mesh] = ()) -> Character:
-    bones = Bones.of(motion.skeleton, stand=False)
+def _character(motion: Motion, meshes: Sequence[Mesh] = (), *, stand: bool = False) -> Character:
+    bones = Bones.of(motion.skeleton, stand=stand)
     return character(bones, axes=bones.along_bones(), above=ARMATURE, meshes=meshes)
 
 

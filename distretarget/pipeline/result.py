@@ -61,7 +61,7 @@ class Match:
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None if its thickness is not that of a mesh
     source_mesh: SkinnedMesh | None = None  # of the source, if its own file has one
-    skeleton: Skeleton | None = None  # of the target's file, if its parents are others than those of the target's body
+    skeleton: Skeleton | None = None  # of the target's file, if its parents or hips are others than the body's
     hips: JointShift | None = None  # from the hips of the target's file to those of its body; or None
 
     def in_file(self, motion: Motion) -> Motion:
@@ -80,7 +80,7 @@ class Match:
     def anchored_skin(self) -> AnchoredSkin:
         """The skin of the target for anchors; that of an average body for a stick figure."""
         capsules = self.skins.target.capsules if self.skins else None
-        return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
+        return AnchoredSkin.of(self.matching.target, capsules, self.mesh)
 
     def on_body(self, motion: Motion) -> Motion:
         """Return a motion of the target's file on the skeleton of its body, the inverse of `in_file`."""
