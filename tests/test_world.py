@@ -107,6 +107,14 @@ def test_one_frame_is_enough():
         near(retarget(frame, replace(motion.skeleton, up="Y")).motion.positions, motion.positions[:1])
 
 
+@pytest.mark.parametrize("up", ["X", "Y", "Z", "-X"])
+@pytest.mark.parametrize("clip", ["cartwheel", "crawl"])
+def test_a_body_that_stands_in_few_frames_shows_its_axis_by_them_or_by_its_floor(up, clip):
+    """The rest pose stands along Y in any world, as in data sets of SMPL."""
+    motion = moved(read_bvh(SAMPLES / "supports" / f"{clip}.bvh")[::3], onto(up))
+    assert Body.of_motion(motion).up_in_motion == up
+
+
 def lying(axis, **bends):
     """A person who lies on the floor, turned there about an axis, with joints bent about the axis from side to side
     [degrees].
