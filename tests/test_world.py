@@ -163,6 +163,18 @@ def test_the_heading_turns_with_the_source(facing):
     near(other.positions, spun(turn, plain.positions), 1e-5)
 
 
+@pytest.mark.parametrize("height", [-150.0, -30.0, -10.0, 0.0, 10.0, 30.0])
+def test_a_source_that_stays_off_height_0_is_warned_of(height):
+    result = retarget(moved(short_walk(), Rotation.identity(), (0.0, height, 0.0)), rig("mixamo", "A"))
+    lines = [line for line in result.warnings if line.startswith("the source stays")]
+    assert len(lines) == (abs(height) == 30.0 or height == -150.0)
+    if lines:
+        side = "above" if height > 0.0 else "below"
+        assert lines[0].endswith(f"% of a leg {side} height 0, and the result with it")
+        number = float(lines[0].split()[3])
+        assert number == pytest.approx(100.0 * abs(height) / result.matching.source.leg_length, abs=6.0)
+
+
 def with_offset(motion, rise, *, added):
     """The motion of a body whose root has an OFFSET; its channels are added to it or replace it."""
     body = motion.skeleton
