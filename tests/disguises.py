@@ -272,6 +272,17 @@ def nulls(motion: Motion) -> Motion:
     return _doubled(lambda name, offset: [(f"{name}_null", 0 * offset, False), (name, offset, True)])(motion)
 
 
+def with_twists(motion: Motion) -> Motion:
+    """Elbows, wrists, knees and ankles hang from one more joint in the middle of their bone, which does not turn."""
+
+    def two(name: str, offset: np.ndarray) -> Sequence[tuple[str, np.ndarray, bool]]:
+        if name.endswith(("Elbow", "Wrist", "Knee", "Ankle")):
+            return [(f"{name}_twist", offset / 2, False), (name, offset / 2, True)]
+        return [(name, offset, True)]
+
+    return _doubled(two)(motion)
+
+
 def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bool]]]) -> Structure:
     """Every joint but the root is two, one below the other; `two` has name and offset of each, and whether it turns."""
 

@@ -32,6 +32,7 @@ from disguises import (
     twins,
     with_joints_before_thighs,
     with_sword,
+    with_twists,
     without_toes,
 )
 
@@ -156,6 +157,17 @@ def test_toes_of_a_rig_built_along_its_bones_do_not_turn_to_their_tails(disguise
     for target in targets():
         motions = [disguise.worn(with_axes(toes_end(*way)(flat), axes)) for way in ((0.0, 0.0, 6.0), (0.0, 8.0, -8.0))]
         assert farthest_apart(*(retarget(motion, target).motion for motion in motions)) < 1.0
+
+
+@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("clip", ["squat", "wave"])
+def test_twist_joints_may_have_axes_of_their_own_where_all_joints_have(disguise, clip, build):
+    """Without rotations, the legs are folded; one may point up and the other down."""
+    built = [with_axes(each, build(Body.of_motion(each))) for each in (sample(clip), with_twists(sample(clip)))]
+    for target in targets():
+        motions = [retarget(disguise.worn(each), target).motion for each in built]
+        assert farthest_apart(*motions) < 1.0
+        assert turned_at_most(*motions, ("Ankle", "Foot", "Knee", "Leg")) < 3.0
 
 
 @pytest.mark.parametrize("below", [True, False])

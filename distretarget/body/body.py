@@ -37,6 +37,7 @@ STANDS = 0.5  # a body that stands along an axis in more of the frames than this
 FLOOR_FRAMES = 10.0  # in up to so many of the frames a body may leave its floor [%]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
+UNFOLDED = 0.6  # in a rest pose that stands, hip and ankle are at least this far apart [lengths of the leg]
 FAR = 0.5  # a hips joint farther than this from the middle of the hip joints is elsewhere [leg lengths]
 CLEAR_FEET = 0.3  # feet show the sides if their mean cosine with the front or back is larger than this [cosine]
 
@@ -226,7 +227,14 @@ class Body:
     @rig_property
     def stands_at_rest(self) -> bool:
         """Whether a person can stand in the rest pose; false without an anatomy."""
-        return self.at_rest is not None and stands_at_rest(self.at_rest)
+        return self.at_rest is not None and stands_at_rest(self.at_rest) and not self._is_folded
+
+    @property
+    def _is_folded(self) -> bool:
+        """Whether a leg is folded at rest, as where its joints have axes of their own."""
+        x, paths = self.skeleton.rest_positions, self.skeleton.paths_from
+        ends = [(leg.hip, leg.ankle) for leg in self.legs or ()]
+        return any(np.linalg.norm(x[ankle] - x[hip]) < UNFOLDED * paths(hip)[ankle] for hip, ankle in ends)
 
     @property
     def stands(self) -> bool:

@@ -157,7 +157,10 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
     heights = direction(body.motion.positions, leg.toe, leg.ankle) @ body.up_vector
     rests &= (FLAT[0] < heights) & (heights < FLAT[1])
     up, forward = _mean_axes(body, leg.ankle, rests)
-    bone = direction(body.rest.positions, leg.ankle, leg.toe)
+    if not up.any():
+        return UNKNOWN
+    turns = Rotation.from_quat(body.motion.world_rotations_of(leg.ankle)[rests]).inv()
+    bone = normalised(turns.apply(direction(body.motion.positions[rests], leg.ankle, leg.toe)).sum(axis=0))
     built = _axis_near(bone, ON_AXIS).any()
     return normalised(level(up, _axis_near(cross(bone, up), NEAR) * built)), forward
 
