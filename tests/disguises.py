@@ -309,6 +309,14 @@ def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bo
     return write
 
 
+def with_heels(motion: Motion) -> Motion:
+    """Each foot has one more joint at the heel, as high as the toes or the ankle."""
+    skeleton = motion.skeleton
+    for side, height in zip(SIDES, (-3.5, 0.0), strict=True):
+        skeleton = with_chain(skeleton, skeleton.index(f"{side}Ankle"), {f"{side}Heel": [0.0, height, -5.0]})
+    return on_skeleton(motion, skeleton)
+
+
 def with_sword(motion: Motion) -> Motion:
     """A hand holds a sword."""
     named = {"Sword": [0.0, 0.0, 5.0], "Tip": [0.0, 90.0, 0.0]}

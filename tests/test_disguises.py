@@ -30,6 +30,7 @@ from disguises import (
     toes_end,
     turned_at_most,
     twins,
+    with_heels,
     with_joints_before_thighs,
     with_sword,
     with_twists,
@@ -181,6 +182,15 @@ def test_a_joint_and_its_twin_are_one(disguise, mark, below, tmp_path):
 def test_still_joints_between_those_of_the_body_change_nothing(disguise, structure, tmp_path):
     for target in targets():
         assert off(structure, disguise, "walk", tmp_path, target) < 0.01
+
+
+def test_heels_of_one_body_alone_are_no_soles(disguise, tmp_path):
+    """A foot that strikes with the heel is as high as that of a body without joints at its heels."""
+    for target in targets():
+        assert off(with_heels, disguise, "walk", tmp_path, target) < 0.01
+    if not disguise.gltf:
+        usual, other = (disguise.target(each, tmp_path) for each in (plain, with_heels))
+        assert farthest_apart(*(retarget(sample("walk"), each).motion for each in (usual, other))) < 0.01
 
 
 def test_what_a_hand_holds_changes_nothing(disguise, tmp_path):

@@ -29,6 +29,8 @@ ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on ave
 MOST = 2.0  # a foot is tilted by up to this many times what its leg leans more, or it points down more
 TILTED = np.radians(5)  # legs whose rest poses lean by this much more than another body's tilt their feet [rad], ...
 HANGS = np.radians(10)  # ... and feet that point down by this much more hang [rad]; both in full from twice this on
+BEHIND = 0.1  # a joint farther behind the ankle than this is at the heel [lengths of the foot]
+ON_SOLE = 0.1  # a joint lower than this is on the sole [heights of the ankle]
 LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, and not from twice this on [leg lengths]
 GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
 LEVEL_SHARE = 0.65  # it is level if at least this share of them is nearer than `LEVEL`,
@@ -67,6 +69,18 @@ class Sole:
     def at_ankle(self) -> Sole:
         """The sole of the ankle alone, for a leg without a foot."""
         return replace(self, joints=self.joints[:1], points=self.points[:1])
+
+    @cached_property
+    def heel(self) -> Flags:
+        """(joints,), the joints behind the ankle; none if the foot stands on these alone."""
+        away = self.points @ self.direction - (self.points @ self.normal) * (self.direction @ self.normal)
+        behind = away < -BEHIND * lengths(self.points).max()
+        return np.asarray(behind & (self.heights[~behind].min() < ON_SOLE * self.ankle))
+
+    @property
+    def without_heel(self) -> Sole:
+        """The sole without the joints behind the ankle."""
+        return replace(self, joints=self.joints[~self.heel], points=self.points[~self.heel])
 
     @cached_property
     def direction(self) -> Array:

@@ -222,8 +222,8 @@ class Matching:
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
         """The soles of source and target for each leg. Bodies with the same rest pose share normals if only one shows
-        them; without a target's foot, both are those of the ankle, unless an End Site shows that the leg ends on the
-        floor.
+        them. Joints at the heel count if both have some. Without a target's foot, both are those of the ankle, unless
+        an End Site shows that the leg ends on the floor.
         """
         normals = self.source_normals, self.target_normals
         if not self._soles or normals == (None, None):
@@ -243,11 +243,13 @@ class Matching:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(*feet[0], (target[0].normal, target[1].normal))
+        pairs = [
+            (a, b) if a.heel.any() == b.heel.any() else (a.without_heel, b.without_heel)
+            for a, b in zip(source, target, strict=True)
+        ]
         ends = self.target.skeleton.end_sites & (self.target.anatomy is not None)
         footless = (leg.toe == leg.ankle and not ends[leg.ankle] for leg in self.legs[1])
-        return tuple(
-            (a.at_ankle, b.at_ankle) if cut else (a, b) for cut, a, b in zip(footless, source, target, strict=True)
-        )
+        return tuple((a.at_ankle, b.at_ankle) if cut else (a, b) for cut, (a, b) in zip(footless, pairs, strict=True))
 
     @rig_property
     def _own_soles(self) -> tuple[tuple[Sole, Sole], ...]:
