@@ -84,12 +84,12 @@ class Disguise(NamedTuple):
         named = self.worn(structure(at_rest))
         if not self.gltf:
             return Target(named.skeleton, {}, "")
-        mesh = box_mesh(Bones.of(self.worn(at_rest).skeleton, stand=False))
-        return load_target(_character(named, [mesh]).write(_unused(folder)))
+        mesh = box_mesh(Bones.of(self.worn(at_rest).skeleton))
+        return load_target(_character(named, [mesh], stand=True).write(_unused(folder)))
 
 
-def _character(motion: Motion, meshes: Sequence[Mesh] = ()) -> Character:
-    bones = Bones.of(motion.skeleton, stand=False)
+def _character(motion: Motion, meshes: Sequence[Mesh] = (), *, stand: bool = False) -> Character:
+    bones = Bones.of(motion.skeleton, stand=stand)
     return character(bones, axes=bones.along_bones(), above=ARMATURE, meshes=meshes)
 
 
@@ -131,6 +131,13 @@ def farthest_apart(one: Motion, other: Motion) -> float:
     keys = [key for key in one.skeleton.keys if key in other.skeleton.keys]
     a, b = (each.positions[:, [each.skeleton.index(key) for key in keys]] for each in (one, other))
     return float(100.0 * np.linalg.norm(a - b, axis=-1).max() / np.ptp(one.skeleton.rest_positions, axis=0).max())
+
+
+def turned_at_most(one: Motion, other: Motion, names: tuple[str, ...]) -> float:
+    """How far joints whose names end with these are turned against each other in two motions at most [degrees]."""
+    joints = [joint for joint, name in enumerate(one.skeleton.names) if name.endswith(names)]
+    turns = [Rotation.from_quat(each.world_rotations[:, joints].reshape(-1, 4)) for each in (one, other)]
+    return float(np.degrees((turns[0].inv() * turns[1]).magnitude()).max())
 
 
 def plain(motion: Motion) -> Motion:
@@ -265,6 +272,17 @@ def nulls(motion: Motion) -> Motion:
     return _doubled(lambda name, offset: [(f"{name}_null", 0 * offset, False), (name, offset, True)])(motion)
 
 
+def with_twists(motion: Motion) -> Motion:
+    """Elbows, wrists, knees and ankles hang from one more joint in the middle of their bone, which does not turn."""
+
+    def two(name: str, offset: np.ndarray) -> Sequence[tuple[str, np.ndarray, bool]]:
+        if name.endswith(("Elbow", "Wrist", "Knee", "Ankle")):
+            return [(f"{name}_twist", offset / 2, False), (name, offset / 2, True)]
+        return [(name, offset, True)]
+
+    return _doubled(two)(motion)
+
+
 def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bool]]]) -> Structure:
     """Every joint but the root is two, one below the other; `two` has name and offset of each, and whether it turns."""
 
@@ -291,6 +309,14 @@ def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bo
     return write
 
 
+def with_heels(motion: Motion) -> Motion:
+    """Each foot has one more joint at the heel, as high as the toes or the ankle."""
+    skeleton = motion.skeleton
+    for side, height in zip(SIDES, (-3.5, 0.0), strict=True):
+        skeleton = with_chain(skeleton, skeleton.index(f"{side}Ankle"), {f"{side}Heel": [0.0, height, -5.0]})
+    return on_skeleton(motion, skeleton)
+
+
 def with_sword(motion: Motion) -> Motion:
     """A hand holds a sword."""
     named = {"Sword": [0.0, 0.0, 5.0], "Tip": [0.0, 90.0, 0.0]}
@@ -307,16 +333,20 @@ def leaning(motion: Motion) -> Motion:
     return replace(motion, skeleton=skeleton, rotations=rotations)
 
 
-def with_hanging_feet(motion: Motion) -> Motion:
-    """Feet point farther down in the rest pose; the body moves as before."""
-    turn = Rotation.from_euler("x", 40, degrees=True)
-    skeleton, rotations = motion.skeleton, motion.rotations.copy()
-    for ankle in (skeleton.index(f"{side}Ankle") for side in SIDES):
-        for joint in skeleton.subtree(ankle):
-            above = Rotation.identity() if joint == ankle else turn
-            rotations[:, joint] = (above * Rotation.from_quat(rotations[:, joint]) * turn.inv()).as_quat()
-        skeleton = turned_below(skeleton, ankle, turn)
-    return replace(motion, skeleton=skeleton, rotations=rotations)
+def resting(part: str, axis: str, degrees: float) -> Structure:
+    """Both joints of a part are turned in the rest pose, as mirror images; the body moves as before."""
+
+    def write(motion: Motion) -> Motion:
+        skeleton, rotations = motion.skeleton, motion.rotations.copy()
+        for side, sign in zip(SIDES, (1, 1 if axis == "x" else -1), strict=True):
+            top, turn = skeleton.index(f"{side}{part}"), Rotation.from_euler(axis, sign * degrees, degrees=True)
+            for joint in skeleton.subtree(top):
+                above = Rotation.identity() if joint == top else turn
+                rotations[:, joint] = (above * Rotation.from_quat(rotations[:, joint]) * turn.inv()).as_quat()
+            skeleton = turned_below(skeleton, top, turn)
+        return replace(motion, skeleton=skeleton, rotations=rotations)
+
+    return write
 
 
 def all_under_root(motion: Motion) -> Motion:

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, person, sample, swaying
+from bodies import SAMPLES, moved, person, sample, swaying
 from program import run, succeeded
 from scipy.spatial.transform import Rotation
 
-from distretarget import FileError, SkeletonError, load_target, read_bvh, read_motion, write_npz
+from distretarget import FileError, SkeletonError, load_target, read_bvh, read_motion, retarget, write_npz
 from distretarget.io.smpl import HANDS, MODELS, SmplBody, smpl_parameters
 
 PLACES = {  # of the left half of a body, about as SMPL's [m]
@@ -89,6 +89,24 @@ def test_parameters_turn_joints_as_the_model_does(folder):
     np.testing.assert_allclose(x["head"] - x["pelvis"], place("head") - place("pelvis"), atol=1e-12)
     arm = place("left_elbow") - place("left_shoulder")
     np.testing.assert_allclose(x["left_elbow"] - x["left_shoulder"], [arm[1], -arm[0], arm[2]], atol=1e-12)
+
+
+@pytest.mark.parametrize("heading", [90, 180])
+@pytest.mark.parametrize("clip", ["crawl", "cartwheel"])
+@pytest.mark.parametrize("up", ["Y", "Z"])
+def test_the_floor_shows_the_up_axis_where_the_body_does_not_stand(folder, up, clip, heading):
+    source = read_bvh(SAMPLES / "supports" / f"{clip}.bvh")[::4]
+    turn = Rotation.from_euler("Y", heading, degrees=True)
+    motion = moved(retarget(source, load_target(folder / "joints24.npz")).motion, turn)
+    saved = smpl_parameters(motion)
+    poses, trans = saved["poses"], saved["trans"]
+    if up == "Y":
+        to_y, pelvis = Rotation.from_euler("X", -90, degrees=True), place("pelvis")
+        poses[:, :3] = (to_y * Rotation.from_rotvec(poses[:, :3])).as_rotvec()
+        trans = to_y.apply(trans + pelvis) - pelvis
+    np.savez(folder / "clip.npz", poses=poses, trans=trans, mocap_framerate=15)
+    read = read_motion(folder / "clip.npz", skeleton=folder / "joints24.npz")
+    np.testing.assert_allclose(read.positions, motion.positions, atol=1e-6)
 
 
 def test_parameters_in_parts_and_of_the_body_alone(folder):

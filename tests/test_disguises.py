@@ -23,17 +23,19 @@ from disguises import (
     off,
     on_high_ankles,
     plain,
+    resting,
     sample,
     straight_below,
     targets,
     toes_end,
+    turned_at_most,
     twins,
-    with_hanging_feet,
+    with_heels,
     with_joints_before_thighs,
     with_sword,
+    with_twists,
     without_toes,
 )
-from scipy.spatial.transform import Rotation
 
 from distretarget import Body, MatchingError, load_target, retarget
 from distretarget.body.tree_repairs import reparented
@@ -80,10 +82,7 @@ def test_a_joint_straight_below_the_ankle_is_no_toe(disguise, build):
         high, straight = with_axes(high, axes), with_axes(straight, axes)
     for target in targets():
         motions = [retarget(disguise.worn(each), target).motion for each in (high, straight)]
-        ankles = [target.index(name) for name in target.names if name.endswith(("Ankle", "Foot"))]
-        for ankle in ankles:
-            one, other = (Rotation.from_quat(motion.world_rotations_of(ankle)) for motion in motions)
-            assert np.degrees((one.inv() * other).magnitude()).max() < 3.0
+        assert turned_at_most(*motions, ("Ankle", "Foot")) < 3.0
 
 
 @pytest.mark.parametrize("clip", ["walk", "wave"])
@@ -123,10 +122,9 @@ def test_the_pelvis_is_where_the_thighs_begin(disguise, clip, tmp_path):
 
 @pytest.mark.parametrize("clip", ["walk", "squat"])
 def test_hips_of_a_target_stay_on_the_floor_below_its_pelvis(disguise, clip, tmp_path):
-    if disguise.gltf:
-        pytest.skip("a mesh is where it is from its root")
     usual, other = (disguise.target(structure, tmp_path) for structure in (plain, hips_on_floor))
-    one, result = (retarget(sample(clip), target) for target in (usual, other))
+    source = resting("Shoulder", "z", -45)(sample(clip))  # on the same rig, other soles may be seen
+    one, result = (retarget(source, target) for target in (usual, other))
     apart = np.linalg.norm(result.motion.positions - one.motion.positions, axis=-1)[:, 1:]
     assert apart.max() < 0.001 * one.matching.target.height
     assert result.motion.skeleton == other.skeleton
@@ -162,6 +160,17 @@ def test_toes_of_a_rig_built_along_its_bones_do_not_turn_to_their_tails(disguise
         assert farthest_apart(*(retarget(motion, target).motion for motion in motions)) < 1.0
 
 
+@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("clip", ["squat", "wave"])
+def test_twist_joints_may_have_axes_of_their_own_where_all_joints_have(disguise, clip, build):
+    """Without rotations, the legs are folded; one may point up and the other down."""
+    built = [with_axes(each, build(Body.of_motion(each))) for each in (sample(clip), with_twists(sample(clip)))]
+    for target in targets():
+        motions = [retarget(disguise.worn(each), target).motion for each in built]
+        assert farthest_apart(*motions) < 1.0
+        assert turned_at_most(*motions, ("Ankle", "Foot", "Knee", "Leg")) < 3.0
+
+
 @pytest.mark.parametrize("below", [True, False])
 @pytest.mark.parametrize("mark", [".001", "_rot", "Rot"])
 def test_a_joint_and_its_twin_are_one(disguise, mark, below, tmp_path):
@@ -173,6 +182,15 @@ def test_a_joint_and_its_twin_are_one(disguise, mark, below, tmp_path):
 def test_still_joints_between_those_of_the_body_change_nothing(disguise, structure, tmp_path):
     for target in targets():
         assert off(structure, disguise, "walk", tmp_path, target) < 0.01
+
+
+def test_heels_of_one_body_alone_are_no_soles(disguise, tmp_path):
+    """A foot that strikes with the heel is as high as that of a body without joints at its heels."""
+    for target in targets():
+        assert off(with_heels, disguise, "walk", tmp_path, target) < 0.01
+    if not disguise.gltf:
+        usual, other = (disguise.target(each, tmp_path) for each in (plain, with_heels))
+        assert farthest_apart(*(retarget(sample("walk"), each).motion for each in (usual, other))) < 0.01
 
 
 def test_what_a_hand_holds_changes_nothing(disguise, tmp_path):
@@ -198,11 +216,50 @@ def test_a_rest_pose_that_leans_changes_nothing(disguise):
         assert results[1].warnings == results[0].warnings
 
 
-def test_feet_that_hang_in_the_rest_pose_stand_as_they_rest_in_the_motion(disguise):
-    motions = [
-        retarget(disguise.worn(each(sample("walk"))), load_target(HERO)).motion for each in (plain, with_hanging_feet)
-    ]
+TURNED_OUT = [resting("Hip", "y", 30), resting("Ankle", "y", 30)]
+TILTED = [resting("Hip", "z", 20), resting("Ankle", "x", 30)]
+
+
+@pytest.mark.parametrize("degrees", [30, 40])
+def test_feet_that_hang_in_the_rest_pose_stand_as_they_rest_in_the_motion(disguise, degrees):
+    hanging = resting("Ankle", "x", degrees)
+    motions = [retarget(disguise.worn(each(sample("walk"))), load_target(HERO)).motion for each in (plain, hanging)]
     assert farthest_apart(*motions) < 0.1
+
+
+@pytest.mark.parametrize("structure", [*TURNED_OUT, *TILTED])
+def test_a_rest_pose_turns_or_tilts_no_feet(disguise, structure):
+    """Feet that turn out, hang, or stand on their edges below splayed legs in the rest pose stand as they do in the
+    motion.
+    """
+    for target in targets():
+        motions = [retarget(disguise.worn(each(sample("walk"))), target).motion for each in (plain, structure)]
+        assert farthest_apart(*motions) < 1.0
+        assert turned_at_most(*motions, ("Ankle", "Foot")) < 4.0
+
+
+@pytest.mark.parametrize("structure", TURNED_OUT)
+def test_a_target_with_feet_turned_out_at_rest_turns_them_as_the_source_does(disguise, structure, tmp_path):
+    if disguise.gltf:
+        pytest.skip("the feet of a mesh of boxes are not flat")
+    usual, other = (disguise.target(each, tmp_path) for each in (plain, structure))
+    one, result = (retarget(sample("walk"), target) for target in (usual, other))
+    joints = [*one.motion.skeleton.joints]
+    apart = np.linalg.norm(result.motion.positions - one.motion.positions, axis=-1)[:, joints]
+    assert apart.max() < 0.01 * one.matching.target.height
+    assert not [line for line in result.warnings if line.startswith("heading")]
+
+
+def test_knees_turn_out_with_the_feet_of_the_rest_pose(disguise):
+    for target in targets():
+        motions = [retarget(disguise.worn(each(sample("squat"))), target).motion for each in (plain, TURNED_OUT[0])]
+        assert turned_at_most(*motions, ("Knee", "RightLeg", "LeftLeg")) < 4.0
+
+
+def test_bodies_that_stand_on_the_edges_of_their_feet_alike_keep_them(disguise):
+    splayed = disguise.worn(TILTED[0](sample("walk")))
+    result = retarget(splayed, splayed.skeleton)
+    assert farthest_apart(result.motion, splayed) < 0.01
 
 
 @pytest.mark.parametrize("structure", [groups, nulls])

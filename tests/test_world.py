@@ -107,6 +107,14 @@ def test_one_frame_is_enough():
         near(retarget(frame, replace(motion.skeleton, up="Y")).motion.positions, motion.positions[:1])
 
 
+@pytest.mark.parametrize("up", ["X", "Y", "Z", "-X"])
+@pytest.mark.parametrize("clip", ["cartwheel", "crawl"])
+def test_a_body_that_stands_in_few_frames_shows_its_axis_by_them_or_by_its_floor(up, clip):
+    """The rest pose stands along Y in any world, as in data sets of SMPL."""
+    motion = moved(read_bvh(SAMPLES / "supports" / f"{clip}.bvh")[::3], onto(up))
+    assert Body.of_motion(motion).up_in_motion == up
+
+
 def lying(axis, **bends):
     """A person who lies on the floor, turned there about an axis, with joints bent about the axis from side to side
     [degrees].
@@ -153,6 +161,18 @@ def test_the_heading_turns_with_the_source(facing):
     turn = Rotation.from_euler("Y", facing, degrees=True)
     plain, other = (retarget(m, rig("mixamo", "A")).motion for m in (short_walk(), moved(short_walk(), turn)))
     near(other.positions, spun(turn, plain.positions), 1e-5)
+
+
+@pytest.mark.parametrize("height", [-150.0, -30.0, -10.0, 0.0, 10.0, 30.0])
+def test_a_source_that_stays_off_height_0_is_warned_of(height):
+    result = retarget(moved(short_walk(), Rotation.identity(), (0.0, height, 0.0)), rig("mixamo", "A"))
+    lines = [line for line in result.warnings if line.startswith("the source stays")]
+    assert len(lines) == (abs(height) == 30.0 or height == -150.0)
+    if lines:
+        side = "above" if height > 0.0 else "below"
+        assert lines[0].endswith(f"% of a leg {side} height 0, and the result with it")
+        number = float(lines[0].split()[3])
+        assert number == pytest.approx(100.0 * abs(height) / result.matching.source.leg_length, abs=6.0)
 
 
 def with_offset(motion, rise, *, added):

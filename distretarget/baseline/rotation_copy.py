@@ -74,7 +74,8 @@ def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Arr
     `normals` are the `_sole_normals`.
 
     Upper arms turn first to the source's sideways axis and then to its arm, so that a target in A-pose is aligned like
-    the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg.
+    the same target in T-pose. Ankles start from the alignment of the whole body, not of the leg. Feet that turn out in
+    one rest pose only turn back with the thigh, as people turn them.
     """
     roles, (source_pose, target_pose) = _roles(matching), matching.poses
     whole = source_pose.axes @ target_pose.axes.T if matching.in_reference else np.eye(3)
@@ -82,6 +83,8 @@ def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Arr
     foot = slice(1 if in_t_pose else 0)  # the bones of an ankle that are aligned
     left, trunk = source_pose.axes[:, 0], _trunk(matching.target, roles)
     outwards = {"leftUpperArm": left, "rightUpperArm": -left}
+    turned = zip(matching.legs[1] if matching.legs else (), matching.turnout, strict=False)
+    turnout = {joint: angle for leg, angle in turned for joint in (leg.hip, leg.ankle)}
     upper, *directions = matching.shared_bones(source_pose.positions, target_pose.positions)
     alignments: list[Array] = []
     parents = matching.target.skeleton.parents.tolist()
@@ -100,6 +103,9 @@ def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Arr
             another_pose = len(a) == 1 and far and joint not in normals and not role.endswith("Toes")
             if joint not in trunk and (another_pose or not role or role.endswith(BY_BONE)):
                 turn = onto @ turn
+        if angle := turnout.get(joint):
+            axis = normals[joint][0] if joint in normals else -b[0]
+            turn = Rotation.from_rotvec(-angle * axis).as_matrix() @ turn
         alignments.append(turn)
     return np.array(alignments)
 

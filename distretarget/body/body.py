@@ -25,7 +25,7 @@ from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.time_series import Shots, find_shots
 from distretarget.numerics.vectors import Array, Numbers, normalised
 from distretarget.rig import CACHED_RIGS, rig_property
-from distretarget.skeleton import Skeleton
+from distretarget.skeleton import AXES, Skeleton
 from distretarget.skin.limbs import Limb
 
 STANDS_IN_MOTION = 0.7  # the body stands along an axis if their mean cosine is larger than this [cosine] ...
@@ -33,8 +33,11 @@ UP_FROM_MOTION = 0.3  # ... or than this if the rest pose does not show the up a
 LIES = 0.05  # a body whose lowest joint is nearer to height 0 than this may lie there [leg lengths]
 RISES = 0.05  # a body that stands along an axis in more of the frames than this may lie in the others [0 to 1]
 OFF_FLOOR = 0.25  # a body whose lowest joint is farther from height 0 than this is not on the floor [leg lengths]
+STANDS = 0.5  # a body that stands along an axis in more of the frames than this stands along it [0 to 1]
+FLOOR_FRAMES = 10.0  # in up to so many of the frames a body may leave its floor [%]
 LOWEST_FRAMES = 2.0  # percentile of the lowest joint's heights that is the height of the floor [%]
 BESIDE = np.cos(np.radians(45))  # arms stand beside legs if all are within this angle, and the trunk is not [cosine]
+UNFOLDED = 0.6  # in a rest pose that stands, hip and ankle are at least this far apart [lengths of the leg]
 FAR = 0.5  # a hips joint farther than this from the middle of the hip joints is elsewhere [leg lengths]
 CLEAR_FEET = 0.3  # feet show the sides if their mean cosine with the front or back is larger than this [cosine]
 
@@ -222,7 +225,14 @@ class Body:
     @rig_property
     def stands_at_rest(self) -> bool:
         """Whether a person can stand in the rest pose; false without an anatomy."""
-        return self.at_rest is not None and stands_at_rest(self.at_rest)
+        return self.at_rest is not None and stands_at_rest(self.at_rest) and not self._is_folded
+
+    @property
+    def _is_folded(self) -> bool:
+        """Whether a leg is folded at rest, as where its joints have axes of their own."""
+        x, paths = self.skeleton.rest_positions, self.skeleton.paths_from
+        ends = [(leg.hip, leg.ankle) for leg in self.legs or ()]
+        return any(np.linalg.norm(x[ankle] - x[hip]) < UNFOLDED * paths(hip)[ankle] for hip, ankle in ends)
 
     @property
     def stands(self) -> bool:
@@ -240,7 +250,7 @@ class Body:
 
         Normally the rest pose decides, so that a body may lie down in the motion. The motion decides if the body stands
         along another axis in it, with its feet at height 0, and neither lies nor sometimes stands at height 0 along the
-        rest pose's axis.
+        rest pose's axis. A body that stands along neither shows its axis by a floor at height 0 over which it goes.
         """
         if self.motion is None:
             return None
@@ -252,10 +262,23 @@ class Body:
         if self.up_at_rest == axis:
             return axis
         off, off_at_rest = (abs(self.lowest(axis_vector(each))) for each in (axis, self.up_at_rest))
-        rises = (self.in_motion.up @ axis_vector(self.up_at_rest) > STANDS_IN_MOTION).mean() > RISES
+        stands, rises = self._share_along(axis) > STANDS, self._share_along(self.up_at_rest) > RISES
         lies = off_at_rest < (OFF_FLOOR if rises else LIES) * self.leg_length
-        stands = cosine > STANDS_IN_MOTION and off < OFF_FLOOR * self.leg_length
-        return axis if stands and not lies else self.up_at_rest
+        stands = (stands or cosine > STANDS_IN_MOTION) and off < OFF_FLOOR * self.leg_length
+        up = axis if stands and not lies else self.up_at_rest
+        travels = np.ptp(self.motion.positions[:, self.roles["hips"]], axis=0).max() > self.leg_length
+        floors = [*filter(self._has_floor, AXES)] if travels and self._share_along(up) < RISES else ()
+        return floors[0] if len(floors) == 1 else up
+
+    def _share_along(self, axis: str) -> float:
+        """The share of the frames in which the body stands along one of `AXES`."""
+        return float((self.in_motion.up @ axis_vector(axis) > STANDS_IN_MOTION).mean()) if self.in_motion else 0.0
+
+    def _has_floor(self, axis: str) -> bool:
+        """Whether the lowest joint along one of `AXES` is near height 0 all the time."""
+        heights = lowest_heights(self.motion.positions, axis_vector(axis)) if self.motion else np.full(1, np.inf)
+        low, high = np.percentile(heights, [LOWEST_FRAMES, 100.0 - FLOOR_FRAMES])
+        return bool(max(abs(low), abs(high)) < LIES * self.leg_length)
 
     @cached_property
     def up(self) -> str:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +30,7 @@ from distretarget.skeleton import Skeleton
 
 STANDING_ANGLE = 100.0  # a person can stand with a larger angle than this between trunk and legs [degrees] ...
 RAISED_ARM = np.cos(np.radians(30))  # ... if both arms are at least this angle from straight up [cosine]
+RAISED_LEG = np.cos(np.radians(60))  # ... and both legs at least this one [cosine]
 FOOT_PITCH = np.radians(25)  # usual angle by which feet point downwards [rad]
 PITCH_DEVIATION = np.radians(8)  # standard deviation of that angle over rigs [rad]
 USUAL_WEIGHT = 0.01  # weight of the usual pitch; all resting feet of a motion together have up to 1
@@ -54,10 +56,11 @@ RIGHT_ANGLES = np.array(
 
 
 def stands_at_rest(rest: Directions) -> bool:
-    """Return whether a person can stand in the rest pose: legs down, trunk up, arms not raised along the trunk."""
+    """Return whether a person can stand in the rest pose: legs down, trunk up, no limb raised along the trunk."""
     stands = not rest.is_whole or rest.stretch > STANDING_ANGLE
-    arms = [rest.bone(f"{side}UpperArm", f"{side}Hand") for side in SIDES]
-    return bool(stands and all(arm @ rest.trunk < RAISED_ARM for arm in arms if arm is not None))
+    limbs = (("UpperArm", "Hand", RAISED_ARM), ("UpperLeg", "Foot", RAISED_LEG))
+    bones = [(rest.bone(side + top, side + end), most) for side in SIDES for top, end, most in limbs]
+    return bool(stands and all(bone @ rest.trunk < most for bone, most in bones if bone is not None))
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +70,7 @@ class _Goal:
     tip: int  # the joint at the end of its bone
     bone: Array  # (3,), the direction of the bone
     across: Array  # (3,), the direction of the axis about which the limb bends
-    from_above: bool  # whether the joint has its parent's rotation while the limb is straight
+    above: int  # the joint whose rotation it has while the limb is straight, if it is built alike; -1 for none
     as_above: bool  # whether the joint above bends about the same axis
 
 
@@ -94,7 +97,7 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
         turn = known[joint] if joint in known else leans.get(joint, np.eye(3)) @ turns[parent] @ neutral[joint]
         if joint in bones and bones[joint].any():
             goal = goals[joint]
-            start = turns[parent] if joint in built and goal.from_above else turn
+            start = turns[goal.above] if joint in built and goal.above >= 0 else turn
             turn = _pointed(start, bones[joint], goal.bone)
             if joint in bends or (shown and joint in built):
                 turn = _rolled(turn, goal, bends.get(joint), joint in built)
@@ -184,16 +187,24 @@ def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iter
     left, up, forward = np.eye(3)
     foot = np.cos(foot_pitch) * forward - np.sin(foot_pitch) * up
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
-        hip = anatomy.roles.get(f"{side}UpperLeg")
+        above = partial(_above, skeleton, anatomy, side)
         lower_joints = anatomy.joints(*(side + part for part in LOWER_BONES))
         for limb, bone, across in ((ARM[1:], sign * left, -sign * up), (LEG[:3], -up, left)):
             for upper, lower in _bones_of(anatomy, side, limb):
-                yield upper, _Goal(lower, bone, across, upper != hip, upper in lower_joints)
+                yield upper, _Goal(lower, bone, across, above(upper), upper in lower_joints)
         if ends := foot_bone(skeleton, anatomy, side):
-            yield ends[0], _Goal(ends[1], foot, left, True, True)
+            yield ends[0], _Goal(ends[1], foot, left, above(ends[0]), True)
         toes = anatomy.roles.get(f"{side}Toes")
         if toes is not None:
-            yield toes, _Goal(skeleton.farthest.item(toes), forward, left, True, True)
+            yield toes, _Goal(skeleton.farthest.item(toes), forward, left, above(toes), True)
+
+
+def _above(skeleton: Skeleton, anatomy: Anatomy, side: str, joint: int) -> int:
+    """The joint above one of a limb: the next of the limb, past twist joints; a shoulder's parent; -1 for a hip."""
+    if joint == anatomy.roles.get(f"{side}UpperLeg"):
+        return -1
+    limbs = anatomy.joints(*(side + part for part in (*ARM[1:], *LEG)))
+    return next((each for each in skeleton.to_root(joint)[1:] if each in limbs), skeleton.parents.item(joint))
 
 
 def _toes_with_tails(skeleton: Skeleton, rest: Directions, shown: Motion | None) -> Iterator[int]:
@@ -216,10 +227,10 @@ def _trunk_goals(anatomy: Anatomy) -> Iterator[tuple[int, _Goal]]:
     """The joints of spine, neck and shoulders, with their goals in a T-pose if there is no motion."""
     left, up, _ = np.eye(3)
     for lower, upper in pairwise(_spine_to_head(anatomy)):
-        yield lower, _Goal(upper, up, left, False, False)
+        yield lower, _Goal(upper, up, left, -1, False)
     for side, sign in zip(SIDES, (1.0, -1.0), strict=True):
         for upper, lower in _bones_of(anatomy, side, ARM[:2]):
-            yield upper, _Goal(lower, sign * left, -sign * up, False, False)
+            yield upper, _Goal(lower, sign * left, -sign * up, -1, False)
 
 
 def _bones_of(anatomy: Anatomy, side: str, limb: tuple[str, ...]) -> Iterator[tuple[int, int]]:

@@ -26,11 +26,17 @@ from distretarget.skin.mesh import SkinnedMesh
 PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average are flat [rad]
 RAISED = np.radians(60)  # and so are feet that both rest with toes lifted by up to this: they hang at rest [rad]
 ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average are flat [rad]
+MOST = 2.0  # a foot is tilted by up to this many times what its leg leans more, or it points down more
+TILTED = np.radians(5)  # legs whose rest poses lean by this much more than another body's tilt their feet [rad], ...
+HANGS = np.radians(10)  # ... and feet that point down by this much more hang [rad]; both in full from twice this on
+BEHIND = 0.1  # a joint farther behind the ankle than this is at the heel [lengths of the foot]
+ON_SOLE = 0.1  # a joint lower than this is on the sole [heights of the ankle]
 LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, and not from twice this on [leg lengths]
 GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
 LEVEL_SHARE = 0.65  # it is level if at least this share of them is nearer than `LEVEL`,
 UNEVEN_SHARE = 0.4  # and it is not if at most this share is
 GUESSED_LENGTH, GUESSED_DIRECTION = 0.01, np.cos(np.radians(10))  # tolerances of made-up tips [lengths; cosine]
+UPRIGHT = np.sin(np.radians(15))  # a foot within this angle of straight up or down points nowhere else [sine]
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle form one side of the foot [cosine]
 # A flat sole is at least this share of the hull's surface: soles of real characters are 0.15 to 0.26 of it, the largest
@@ -63,6 +69,18 @@ class Sole:
     def at_ankle(self) -> Sole:
         """The sole of the ankle alone, for a leg without a foot."""
         return replace(self, joints=self.joints[:1], points=self.points[:1])
+
+    @cached_property
+    def heel(self) -> Flags:
+        """(joints,), the joints behind the ankle; none if the foot stands on these alone."""
+        away = self.points @ self.direction - (self.points @ self.normal) * (self.direction @ self.normal)
+        behind = away < -BEHIND * lengths(self.points).max()
+        return np.asarray(behind & (self.heights[~behind].min() < ON_SOLE * self.ankle))
+
+    @property
+    def without_heel(self) -> Sole:
+        """The sole without the joints behind the ankle."""
+        return replace(self, joints=self.joints[~self.heel], points=self.points[~self.heel])
 
     @cached_property
     def direction(self) -> Array:
@@ -211,6 +229,43 @@ def _resting_turn(motion: Motion, leg: Leg, normal: Array, up: Array, length: fl
     axes = np.stack([aside := normalised(cross(normal, toe)), cross(aside, normal)])
     axis = cross(normal, found)
     return axes, axes @ normalised(axis) * np.arctan2(np.linalg.norm(axis), normal @ found)
+
+
+def leg_angles(legs: Legs, pose: Pose) -> Array:
+    """Return how far each leg leans to the left in a pose, and its foot points down and to the left, (2, 3) [rad]. A
+    foot that points nearly straight up or down points ahead.
+    """
+    hips, ankles, toes = (pose.positions[[*joints]] for joints in zip(*(leg.joints for leg in legs), strict=True))
+    leg, foot = (ankles - hips) @ pose.axes, (toes - ankles) @ pose.axes
+    out = lengths(foot[:, [0, 2]])
+    ahead = np.where(out > UPRIGHT * lengths(foot), np.arctan2(foot[:, 0], foot[:, 2]), 0.0)
+    return np.stack([np.arctan2(leg[:, 0], -leg[:, 1]), np.arctan2(-foot[:, 1], out), ahead], axis=1)
+
+
+def untilted_normals(body: Body, legs: Legs, soles: tuple[Sole, ...], tilts: Array) -> tuple[Array, Array] | None:
+    """Return the normals of the soles of both feet, (3,) each, without what the rest pose tilts them; None if nothing.
+
+    A rest pose with splayed legs may stand on the edges of its feet, or its feet may hang, and so may those of another
+    body in the same pose. `tilts`, (2, 2), are how much more the body's legs lean to the left and its feet point down
+    than the other's [rad]. Feet that rest in the motion show how much they are tilted, at most `MOST` times as much,
+    and that they hang if both do.
+    """
+    if body.motion is None or not body.stands_at_rest or body.standing is not None:
+        return None
+    tilts = MOST * tilts * smoothstep(np.abs(tilts) / [TILTED, HANGS] - 1.0)
+    if not tilts.any():
+        return None
+    length = leg_length(body.skeleton, legs)
+    feet = zip(legs, soles, strict=True)
+    turns = [_resting_turn(body.motion, leg, sole.normal, body.up_vector, length) for leg, sole in feet]
+    shown = np.array([angles[::-1] for _, angles in turns])
+    angles = np.clip(shown, np.minimum(tilts, 0.0), np.maximum(tilts, 0.0))
+    angles[:, 1] *= smoothstep(shown[:, 1].min() / HANGS - 1.0)
+    left, right = (
+        Rotation.from_rotvec(own[::-1] @ axes).apply(sole.normal)
+        for (axes, _), own, sole in zip(turns, angles, soles, strict=True)
+    )
+    return left, right
 
 
 def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:

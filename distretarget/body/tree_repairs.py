@@ -22,6 +22,8 @@ from distretarget.motion import Motion
 from distretarget.numerics.quaternions import turned_by
 from distretarget.numerics.vectors import Array, Numbers, extent, lengths
 from distretarget.skeleton import ROTATION_CHANNELS, Skeleton, same_up_to_scale
+from distretarget.skin.capsules import Capsules
+from distretarget.skin.mesh import SkinnedMesh
 
 SHORTEST, LONGEST = 0.4, 1.6  # length of a lower bone: 0.45 in CMU's subject 5 [lengths of the upper bone]
 STRAIGHT = np.radians(60)  # a limb in the rest pose bends by less than this at knee or elbow [rad]
@@ -235,10 +237,12 @@ class JointShift(NamedTuple):
         return JointShift(self.joint, -self.shift)
 
     def skeleton(self, skeleton: Skeleton) -> Skeleton:
-        """Return a skeleton with the joint displaced; the root's OFFSET stays, as it is no bone."""
+        """Return a skeleton with the joint displaced. A root's OFFSET stays, as it is no bone, unless it is the root's
+        place over the floor.
+        """
         offsets = np.array(skeleton.offsets)
         offsets[list(skeleton.children[self.joint])] -= self.shift
-        offsets[self.joint] += self.shift * (self.joint > 0)
+        offsets[self.joint] += self.shift * (self.joint > 0 or skeleton.floor_at_zero)
         return skeleton.with_offsets(offsets)
 
     def motion(self, motion: Motion) -> Motion:
@@ -248,3 +252,12 @@ class JointShift(NamedTuple):
         translations[:, joint] += turned_by(np.ascontiguousarray(motion.rotations[:, joint]), self.shift)
         skeleton = self.skeleton(motion.skeleton)
         return Motion.of_translations(skeleton, translations, motion.rotations, motion.frame_time_text)
+
+    def mesh(self, mesh: SkinnedMesh) -> SkinnedMesh:
+        """Return the mesh of a skeleton with the joint displaced: its places are relative to the root."""
+        return mesh if self.joint else mesh.moved(-self.shift)
+
+    def capsules(self, capsules: Capsules) -> Capsules:
+        """Return the capsules of a skeleton with the joint displaced."""
+        own = (capsules.joints == self.joint)[:, None, None]
+        return replace(capsules, ends=capsules.ends - own * self.shift)

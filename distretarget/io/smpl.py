@@ -19,12 +19,14 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import SIDES, Anatomy
+from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
 from distretarget.body.conventions import convention_of
 from distretarget.body.reference_pose import t_pose
 from distretarget.errors import FileError, SkeletonError, in_file, quoted
 from distretarget.io.arrays import ArraysFile
 from distretarget.motion import Motion
+from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.vectors import Array
 from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, METRES, Skeleton
 
@@ -53,7 +55,9 @@ PARTS = ("root_orient", "pose_body", "pose_jaw", "pose_eye", "pose_hand")  # of 
 SAME_RATE = 1e-4  # frame rates this near to a whole number are rounded: frame times have few digits [relative]
 LEVEL = 0.9  # least cosine between the arms and the sideways axis in a T-pose
 SMALLEST_BODY, LARGEST_BODY = 0.3, 3.0  # bounds of a person's height [m]
-UPRIGHT = 0.7  # least mean cosine between the pelvis's up and Y in a motion whose world has Y up
+UPRIGHT = 0.7  # least mean cosine between the pelvis's up and the world's in a motion in which the body stands
+ON_FLOOR, MOST_FRAMES = 0.1, 90.0  # a body is on a floor if its lowest joint is so near to height 0 [m] so often [%]
+RISE = 0.8  # a body whose pelvis goes farther than this along its own axis, on no floor, lies [m]
 TO_Y_UP = Rotation.from_rotvec([-0.5 * np.pi, 0.0, 0.0])  # from the world of AMASS
 
 
@@ -128,12 +132,30 @@ class SmplBody:
 
     def motion(self, poses: Array, trans: Array, frame_time_text: str) -> Motion:
         """Return the motion of parameters, with Y up; parameters of joints that the body lacks are ignored."""
-        names, skeleton = MODELS[poses.shape[1] // 3], self.skeleton
+        names = MODELS[poses.shape[1] // 3]
         turns = dict(zip(names, poses.reshape(len(poses), -1, 3).swapaxes(0, 1), strict=True))
-        cosines = Rotation.from_rotvec(turns[PELVIS]).apply([0.0, 1.0, 0.0])[:, 1] if len(poses) else np.zeros(1)
-        to_y_up = Rotation.identity() if cosines.mean() > UPRIGHT else TO_Y_UP
+        if not len(poses):
+            return self._motion(turns, trans, frame_time_text, TO_Y_UP)
+        _, along_y, along_z = Rotation.from_rotvec(turns[PELVIS]).apply([0.0, 1.0, 0.0]).mean(axis=0)
+        if along_z > UPRIGHT:
+            return self._motion(turns, trans, frame_time_text, TO_Y_UP)
+        motion = self._motion(turns, trans, frame_time_text, Rotation.identity())
+        on_y, on_z = (self._has_floor(motion, axis) for axis in ("Y", "Z"))
+        climbs = np.ptp(motion.positions[:, self.joints[PELVIS], 1]) > RISE * self.metre
+        lies = on_z and not on_y and climbs
+        stands = along_y > UPRIGHT or (on_y and not on_z)
+        return motion if stands and not lies else self._motion(turns, trans, frame_time_text, TO_Y_UP)
+
+    def _has_floor(self, motion: Motion, axis: str) -> bool:
+        """Whether the lowest joint of a motion along an axis is near height 0 in most frames."""
+        most = np.percentile(np.abs(lowest_heights(motion.positions, axis_vector(axis))), MOST_FRAMES)
+        return bool(most < ON_FLOOR * self.metre)
+
+    def _motion(self, turns: Mapping[str, Array], trans: Array, frame_time_text: str, to_y_up: Rotation) -> Motion:
+        """The motion of parameters, by joint, in a world that `to_y_up` turns."""
+        skeleton = self.skeleton
         rest = Rotation.from_quat(self.turns)
-        rotations = np.tile(skeleton.rest_rotations, (len(poses), 1, 1))
+        rotations = np.tile(skeleton.rest_rotations, (len(trans), 1, 1))
         for joint, parent in enumerate(skeleton.parents.tolist()):
             rotations[:, joint] = (rest[parent].inv() * rest[joint] if joint else rest[0]).as_quat()
         for name, joint in self.joints.items():

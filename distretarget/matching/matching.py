@@ -14,11 +14,21 @@ import numpy as np
 from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
-from distretarget.body.soles import Sole, find_soles, flat_normals, resting_normals, with_normals, with_resting_feet
+from distretarget.body.soles import (
+    Sole,
+    find_soles,
+    flat_normals,
+    leg_angles,
+    resting_normals,
+    untilted_normals,
+    with_normals,
+    with_resting_feet,
+)
 from distretarget.checks import check_kind
 from distretarget.errors import MatchingError, MotionError
 from distretarget.matching.pairing import find_pairs, pairs_of_map, spine_blend, with_tips
 from distretarget.motion import Motion
+from distretarget.numerics.time_series import smoothstep
 from distretarget.numerics.vectors import Array, Flags, Numbers, normalised, read_only
 from distretarget.rig import CACHED_RIGS, rig_cached, rig_property
 from distretarget.skeleton import JointMap, same_up_to_scale
@@ -27,6 +37,7 @@ from distretarget.skin.mesh import SkinnedMesh
 Found = TypeVar("Found")
 
 BUILD_ANGLE = np.radians(55)  # bones whose rest directions differ by less differ in build, not in pose [rad]
+FEET_BUILD = np.radians(7)  # feet that turn out farther than this, in full from twice this on, are posed so [rad]
 NAMED_SHARE = 0.5  # least share of target joints matched by name if no human body is recognised [0 to 1]
 LANDMARKS = ("hips", "head", "leftHand", "rightHand", "leftFoot", "rightFoot")  # path lengths to them are compared
 CONFIDENCE = {"map": 1.0, "name": 1.0, "names": 0.95, "shape": 0.8, "tip": 0.9, "": 0.0}  # by method [0 to 1]
@@ -211,8 +222,8 @@ class Matching:
     @cached_property
     def soles(self) -> tuple[tuple[Sole, Sole], ...]:
         """The soles of source and target for each leg. Bodies with the same rest pose share normals if only one shows
-        them; without a target's foot, both are those of the ankle, unless an End Site shows that the leg ends on the
-        floor.
+        them. Joints at the heel count if both have some. Without a target's foot, both are those of the ankle, unless
+        an End Site shows that the leg ends on the floor.
         """
         normals = self.source_normals, self.target_normals
         if not self._soles or normals == (None, None):
@@ -232,11 +243,13 @@ class Matching:
             target = find_soles(*feet[1], (source[0].normal, source[1].normal))
         elif self.rest_poses_alike and not source[0].known:
             source = find_soles(*feet[0], (target[0].normal, target[1].normal))
+        pairs = [
+            (a, b) if a.heel.any() == b.heel.any() else (a.without_heel, b.without_heel)
+            for a, b in zip(source, target, strict=True)
+        ]
         ends = self.target.skeleton.end_sites & (self.target.anatomy is not None)
         footless = (leg.toe == leg.ankle and not ends[leg.ankle] for leg in self.legs[1])
-        return tuple(
-            (a.at_ankle, b.at_ankle) if cut else (a, b) for cut, a, b in zip(footless, source, target, strict=True)
-        )
+        return tuple((a.at_ankle, b.at_ankle) if cut else (a, b) for cut, (a, b) in zip(footless, pairs, strict=True))
 
     @rig_property
     def _own_soles(self) -> tuple[tuple[Sole, Sole], ...]:
@@ -252,6 +265,32 @@ class Matching:
         soles = tuple(sole for sole, _ in self.soles)
         normals = resting_normals(self.source_motion, self.legs[0], soles, self.source.up_vector)
         return replace(self, source_normals=normals)
+
+    @property
+    def with_untilted_soles(self) -> Matching:
+        """The same matching without what the rest pose of one body tilts its feet more than that of the other does, as
+        far as a motion shows it.
+        """
+        if self.legs is None:
+            return self
+        a, b = (leg_angles(legs, pose)[:, :2] for legs, pose in zip(self.legs, self.poses, strict=True))
+        sides = zip((self.source, self.target), self.legs, zip(*self.soles, strict=True), (a - b, b - a), strict=True)
+        source, target = (untilted_normals(*side) for side in sides)
+        if source is None and target is None:
+            return self
+        return replace(self, source_normals=source or self.source_normals, target_normals=target or self.target_normals)
+
+    @rig_property
+    def turnout(self) -> Array:
+        """(2,), how far the left and the right foot of the target turn to the left of the source's in the aligned poses
+        [rad], if both stand; 0 for what differs by build.
+        """
+        both_stand = self.in_reference and self.source.stands and self.target.stands
+        if self.legs is None or not both_stand:
+            return np.zeros(2)
+        ahead = [leg_angles(legs, pose)[:, 2] for legs, pose in zip(self.legs, self.poses, strict=True)]
+        turned = (ahead[1] - ahead[0] + np.pi) % (2.0 * np.pi) - np.pi
+        return np.asarray(turned * smoothstep(np.abs(turned) / FEET_BUILD - 1.0))
 
     def with_mesh_soles(self, mesh: SkinnedMesh | None) -> Matching:
         """Return the matching with the soles that the target's mesh shows, also for a source that is the same rig."""

@@ -94,6 +94,8 @@ def find_posture(source: Motion, matching: Matching, up: Array, stance: Flags) -
             axes[0] = matching.source_normals[k], axes[0][1]
         if matching.target_normals is not None and legs[1].toe != legs[1].ankle:
             axes[1] = matching.target_normals[k], axes[1][1]
+        if matching.turnout[k]:
+            axes[1] = axes[1][0], Rotation.from_rotvec(matching.turnout[k] * axes[1][0]).apply(axes[1][1])
         add_axes("sole_tilt", [leg.ankle for leg in legs], axes, rests)
     return posture
 
@@ -155,7 +157,10 @@ def _foot_axes(body: Body, leg: Leg, length: float) -> Axes:
     heights = direction(body.motion.positions, leg.toe, leg.ankle) @ body.up_vector
     rests &= (FLAT[0] < heights) & (heights < FLAT[1])
     up, forward = _mean_axes(body, leg.ankle, rests)
-    bone = direction(body.rest.positions, leg.ankle, leg.toe)
+    if not up.any():
+        return UNKNOWN
+    turns = Rotation.from_quat(body.motion.world_rotations_of(leg.ankle)[rests]).inv()
+    bone = normalised(turns.apply(direction(body.motion.positions[rests], leg.ankle, leg.toe)).sum(axis=0))
     built = _axis_near(bone, ON_AXIS).any()
     return normalised(level(up, _axis_near(cross(bone, up), NEAR) * built)), forward
 

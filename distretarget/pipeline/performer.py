@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from distretarget.baseline.world import find_world
 from distretarget.body.body import Body
 from distretarget.body.build import OWN_BUILDS, Build, Builds, bare_mesh, capsules_by_build, capsules_of
 from distretarget.body.single_bones import straightened
-from distretarget.body.tree_repairs import without_exported_ends, without_twins
+from distretarget.body.tree_repairs import JointShift, without_exported_ends, without_twins
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
@@ -74,51 +74,66 @@ class Transfer:
 
 def match_performer(transfer: Transfer) -> Match:
     """Match a source to its target; errors as in `retarget`."""
-    matched = _match_joints(transfer)
+    goal, hips = _with_hips_at_thighs(transfer.goal)
+    matched = _match_joints(transfer, goal, hips)
     has_skin = transfer.options.objective != "paper" and transfer.options.skin != "none"
-    return _with_skins(matched, transfer) if has_skin else matched
+    matched = _with_skins(matched, transfer, goal) if has_skin else matched
+    matching, on_mesh = matched.matching, matched.undersides is not None and matched.undersides.feet_on_mesh
+    shown = matching.with_resting_soles if on_mesh else matching.with_untilted_soles
+    return matched if shown is matching else replace(matched, matching=shown)
 
 
-def _match_joints(transfer: Transfer) -> Match:
+@lru_cache(maxsize=4)
+def _with_hips_at_thighs(goal: Target) -> tuple[Target, JointShift | None]:
+    """A target with its hips joint at its thighs, and how far it is from there in the file; None if it is there.
+    Cached for a batch of clips with the same target.
+    """
+    hips = Body.of(goal.skeleton, goal.motion).shift_to_thighs
+    if hips is None:
+        return goal, None
+    moved = replace(
+        goal,
+        skeleton=hips.skeleton(goal.skeleton),
+        motion=goal.motion and hips.motion(goal.motion),
+        mesh=cache(lambda: (mesh := goal.mesh()) and hips.mesh(mesh)),
+        capsules=goal.capsules and hips.capsules(goal.capsules),
+    )
+    return moved, hips
+
+
+def _match_joints(transfer: Transfer, goal: Target, hips: JointShift | None) -> Match:
     """The match of a source to its target, without skins."""
-    goal, options = transfer.goal, transfer.options
-    _check(transfer.source, goal.skeleton)
+    in_file, options = transfer.goal.skeleton, transfer.options
+    _check(transfer.source, in_file)
     pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
 
     def repaired(motion: Motion) -> Motion:
-        return without_twins(without_exported_ends(motion, goal.skeleton, named), named)
+        return without_twins(without_exported_ends(motion, in_file, named), named)
 
     source_body = Body.of_motion(repaired(transfer.source)).with_hips_at_thighs
     if transfer.rest is not None:
         source_body = source_body.standing_as(repaired(transfer.rest))
     body = Body.of(goal.skeleton, goal.motion)
-    hips = body.shift_to_thighs
-    if hips and not hips.joint and goal.mesh():  # a root cannot move within its mesh
-        hips = None
-    body = body.with_hips_at_thighs if hips else body
     ups = {"source_up": options.source_up, "target_up": options.target_up}
     world = find_world(source_body, body, **ups, root_offset=options.root_offset)
     matching = match(straightened(world.to_target_axes(source_body), body), body.with_up(world.up), pairs)
-    other_parents = (body.skeleton.parents != goal.skeleton.parents).any()
-    return Match(world, matching, skeleton=goal.skeleton if other_parents else None, hips=hips)
+    is_other = hips or (body.skeleton.parents != in_file.parents).any()
+    return Match(world, matching, skeleton=in_file if is_other else None, hips=hips)
 
 
-def _with_skins(matched: Match, transfer: Transfer) -> Match:
+def _with_skins(matched: Match, transfer: Transfer, goal: Target) -> Match:
     """The match with the skins of both bodies, if they are known, and with the soles that these show."""
-    goal, builds, matching = transfer.goal, transfer.builds, matched.matching
+    builds, matching = transfer.builds, matched.matching
     mesh = None if builds.target else _bare(goal)
     source_build = builds.source or _build_of_rig(matching, goal, mesh, transfer)
     skins = _find_skins(matching, goal, source_build, transfer)
     if skins is None:
         return matched
     source_mesh = source_build.mesh_on(matching.source.skeleton) if source_build else None
-    skins = skins.on_meshes(source_mesh, None if matched.hips else mesh, matching)
+    skins = skins.on_meshes(source_mesh, mesh, matching)
     matching = matching.with_mesh_soles(mesh)
-    found = replace(matched, matching=matching, skins=skins, mesh=mesh, source_mesh=source_mesh)
-    if found.undersides is not None and found.undersides.feet_on_mesh:
-        return replace(found, matching=matching.with_resting_soles)
-    return found
+    return replace(matched, matching=matching, skins=skins, mesh=mesh, source_mesh=source_mesh)
 
 
 def _build_of_rig(matching: Matching, goal: Target, mesh: SkinnedMesh | None, transfer: Transfer) -> Build | None:

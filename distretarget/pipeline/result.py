@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from distretarget.baseline.engine_root import path_carriers
 from distretarget.baseline.world import World
-from distretarget.body.body import Body
+from distretarget.body.body import LOWEST_FRAMES, OFF_FLOOR, Body
 from distretarget.body.skin_anchors import AnchoredSkin
 from distretarget.body.tree_repairs import JointShift, Reparented
 from distretarget.contact_entries import NO_CONTACTS, ContactList, DroppedContact
@@ -35,6 +35,7 @@ from distretarget.measure.metrics import METRICS, NOT_RUN, Track, Tracks, Varian
 from distretarget.measure.skin import Skin, find_skin, find_surface
 from distretarget.measure.verdict import Remark, limit_warnings, verdict
 from distretarget.motion import Motion
+from distretarget.numerics.joint_paths import lowest_heights
 from distretarget.numerics.parallel import mapper_for
 from distretarget.numerics.vectors import Array, lengths
 from distretarget.objectives.body_skin import Skins
@@ -61,7 +62,7 @@ class Match:
     skins: Skins | None = None  # their surfaces; None for stick figures
     mesh: SkinnedMesh | None = None  # of the target; None if its thickness is not that of a mesh
     source_mesh: SkinnedMesh | None = None  # of the source, if its own file has one
-    skeleton: Skeleton | None = None  # of the target's file, if its parents are others than those of the target's body
+    skeleton: Skeleton | None = None  # of the target's file, if its parents or hips are others than the body's
     hips: JointShift | None = None  # from the hips of the target's file to those of its body; or None
 
     def in_file(self, motion: Motion) -> Motion:
@@ -80,7 +81,7 @@ class Match:
     def anchored_skin(self) -> AnchoredSkin:
         """The skin of the target for anchors; that of an average body for a stick figure."""
         capsules = self.skins.target.capsules if self.skins else None
-        return AnchoredSkin.of(self.matching.target, capsules, None if self.hips else self.mesh)
+        return AnchoredSkin.of(self.matching.target, capsules, self.mesh)
 
     def on_body(self, motion: Motion) -> Motion:
         """Return a motion of the target's file on the skeleton of its body, the inverse of `in_file`."""
@@ -338,7 +339,7 @@ class RetargetResult:
         joints that miss their places. The latter are left out if the body cannot turn, which explains them.
         """
         lost_turn = (*self._lost_turn(),)
-        odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides())
+        odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides(), *self._off_floor())
         if lost_turn:
             return (*odd, *self.unmet)
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
@@ -368,6 +369,16 @@ class RetargetResult:
             if body.anatomy and (what := body.anatomy.swapped_sides):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
                 yield Remark(f"the {name}'s names exchange {named}; they are taken as the body shows them")
+
+    def _off_floor(self) -> Iterator[Remark]:
+        source, body = self.source, self.matching.source
+        if len(source) and body.legs:
+            joints = np.flatnonzero(body.regions.of_joint >= 0)
+            heights = lowest_heights(source.positions, self.world.up_vector, joints) / body.leg_length
+            low, high = np.percentile(heights, [LOWEST_FRAMES, 100.0 - LOWEST_FRAMES])
+            if high < -OFF_FLOOR or (low > OFF_FLOOR and self.supports.weights.any()):
+                off, side = (-high, "below") if high < 0.0 else (low, "above")
+                yield Remark(f"the source stays {100.0 * off:.0f} % of a leg {side} height 0, and the result with it")
 
     def _missed_places(self, causes: Causes) -> Iterator[Remark]:
         held, keys = self.supports, self.motion.skeleton.keys

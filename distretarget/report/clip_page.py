@@ -105,7 +105,10 @@ def run_timeline(result: RetargetResult, marked: Sequence[MarkedContact]) -> dic
 
 def meshes_of(result: RetargetResult, target: LoadedTarget | None, source: InputFile | None) -> Meshes:
     """Return the meshes to show for source and target; None for one without."""
-    mesh = target.mesh() if result.mesh is None and isinstance(target, Target) else result.mesh
+    mesh = result.mesh
+    if mesh is None and isinstance(target, Target):
+        hips, own = result.baseline.match.hips, target.mesh()
+        mesh = hips.mesh(own) if hips and own else own
     return _mesh_of(source, result.source), mesh
 
 
@@ -114,7 +117,7 @@ def shown_result(name: str, result: RetargetResult, meshes: Meshes | None = None
     skins = result.skins and (result.skins.source.capsules, result.skins.target.capsules)
     return ShownBody(
         name=name,
-        motions=(result.source, result.rotation_copy, result.motion),
+        motions=(result.source, *map(result.baseline.match.on_body, (result.rotation_copy, result.motion))),
         matching=result.matching,
         skins=skins or _capsules(result.matching),
         meshes=meshes or (None, result.mesh),
