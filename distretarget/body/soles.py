@@ -26,9 +26,10 @@ from distretarget.skin.mesh import SkinnedMesh
 PITCH = np.radians(10)  # feet that rest with heel or toes lifted by up to this on average are flat [rad]
 RAISED = np.radians(60)  # and so are feet that both rest with toes lifted by up to this: they hang at rest [rad]
 ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on average are flat [rad]
-MOST = 2.0  # a foot is tilted by up to this many times what its leg leans more, or it points down more
-TILTED = np.radians(5)  # legs whose rest poses lean by this much more than another body's tilt their feet [rad], ...
-HANGS = np.radians(10)  # ... and feet that point down by this much more hang [rad]; both in full from twice this on
+# Where a leg leans, or a foot points down, more at rest than another body's by this much, the rest pose tilts the foot,
+# in full from twice this on [rad]; the tilt is at most `MOST` times as large.
+TILTED, HANGS = np.radians(5), np.radians(10)
+MOST = 2.0
 BEHIND = 0.1  # a joint farther behind the ankle than this is at the heel [lengths of the foot]
 ON_SOLE = 0.1  # a joint lower than this is on the sole [heights of the ankle]
 LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, and not from twice this on [leg lengths]
