@@ -63,10 +63,10 @@ def of_files(clip: Path, source: Motion, body: Skeleton) -> Runs:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # pybvh warns that it guesses the up axis
         peer = pybvh.read_bvh_file(clip)
-    motions = {"source": result.source, "rotation_copy": result.rotation_copy, "motion": result.motion}
 
     def measure_anew() -> None:
-        replace(result, **{name: motion[:] for name, motion in motions.items()}).metrics  # noqa: B018
+        baseline = replace(result.baseline, source=result.source[:], rotation_copy=result.rotation_copy[:])
+        replace(result, baseline=baseline, motion=result.motion[:]).metrics  # noqa: B018
 
     def convert() -> None:
         result = retarget(read_bvh(clip), body)

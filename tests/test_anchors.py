@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, sample, sample_run, sample_target
+from bodies import CORPUS, SAMPLES, needs_corpus, sample, sample_run, sample_target
 from scipy.spatial.transform import Rotation
 
-from distretarget import Options, load_target, retarget
+from distretarget import Options, load_target, read_bvh, retarget
 from distretarget.objectives.anchors import anchors
 from distretarget.objectives.body_skin import Skins
 from distretarget.objectives.contact_zones import APART, ContactZones
@@ -80,6 +80,14 @@ def test_hands_on_hips_of_a_character_stay_on_the_same_character():
     hero = sample_target("hero")
     clip = retarget(sample("hands_on_hips")[60:120], hero).motion
     np.testing.assert_allclose(retarget(clip, hero).motion.positions, clip.positions, atol=1e-5)
+
+
+@needs_corpus
+def test_crossed_hands_stay_on_their_sides_on_the_same_character():
+    hero = sample_target("hero")
+    clip = retarget(read_bvh(CORPUS / "cmu_daz" / "14_30.bvh")[100:220], hero).motion
+    off = np.linalg.norm(retarget(clip, hero).motion.positions - clip.positions, axis=2)
+    assert off.max() < 0.005  # m
 
 
 @pytest.mark.parametrize(("limb", "place"), [("left hand", "pelvis"), ("right hand", "left upper arm")])
