@@ -244,7 +244,7 @@ def leg_angles(legs: Legs, pose: Pose) -> Array:
 
 
 def untilted_normals(body: Body, legs: Legs, soles: tuple[Sole, ...], tilts: Array) -> tuple[Array, Array] | None:
-    """Return the normals of the soles of both feet, (3,) each, without what the rest pose tilts them; None if nothing.
+    """Return the normals of the soles of both feet, (3,) each, without the tilt of the rest pose; None without a tilt.
 
     A rest pose with splayed legs may stand on the edges of its feet, or its feet may hang, and so may those of another
     body in the same pose. `tilts`, (2, 2), are how much more the body's legs lean to the left and its feet point down

@@ -268,8 +268,8 @@ class Matching:
 
     @property
     def with_untilted_soles(self) -> Matching:
-        """The same matching without what the rest pose of one body tilts its feet more than that of the other does, as
-        far as a motion shows it.
+        """The matching with soles that leave out how much more one rest pose tilts the feet than the other does, as far
+        as a motion shows it.
         """
         if self.legs is None:
             return self
