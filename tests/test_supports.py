@@ -11,8 +11,11 @@ from sample_supports import FLOOR, SUPPORTED, WORLD
 from scipy.spatial.transform import Rotation
 
 from distretarget import Motion, Options, load_target, read_bvh, retarget
+from distretarget.baseline.rotation_copy import RootScale
 from distretarget.body.body import Body
 from distretarget.matching.undersides import Underside, Undersides
+from distretarget.objectives.clip import Clip
+from distretarget.objectives.resting_joints import within_reach
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.target import Target
 
@@ -46,6 +49,15 @@ def on(name, body, supports="hold"):
 def known(name, kinds):
     """Frames and joints of the known supports of these kinds, but for the feet's."""
     return [each for each in SUPPORTED[name]().supports if each.kind in kinds and not each.joint.endswith(ELSEWHERE)]
+
+
+def test_hands_without_arms_that_rest_at_their_shoulders_stay_there():
+    result = retarget(source("sit"), lengthened(source("sit").rigid_skeleton, {"Elbow": 0.0, "Wrist": 0.0}))
+    clip, supports = Clip.of(result.matching, RootScale.even(1.0)), result.supports
+    hands, places = supports.joints[supports.feet :], supports.places.copy()
+    places[:, supports.feet :] = clip.copy_on_path(hands)
+    seated = replace(supports, places=places, weights=np.ones_like(supports.weights))
+    np.testing.assert_allclose(within_reach(clip, seated).places, places, atol=1e-6)
 
 
 @samples

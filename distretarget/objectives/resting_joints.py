@@ -120,7 +120,7 @@ def within_reach(clip: Clip, supports: Supports) -> Supports:
         return supports
     in_trunk = clip.regions.inside(*TRUNK_REGIONS)
     seat = supports.weights[:, in_trunk[supports.joints]].max(axis=1, initial=0.0)
-    places, short = supports.places.copy(), SHORT * clip.leg_lengths[1]
+    places, short = supports.places.copy(), SHORT * clip.leg
     for column in range(supports.feet, len(supports.joints) if seat.any() else 0):
         joint = int(supports.joints[column])
         *_, top = joint, *takewhile(lambda each: not in_trunk[each], clip.skeleton.to_root(joint))
@@ -131,7 +131,7 @@ def within_reach(clip: Clip, supports: Supports) -> Supports:
         lean = np.minimum(angles_between(trunk, goal), LEANS)
         missing = np.maximum(lengths(goal - _turned(trunk, goal, lean)) - reach, 0.0)
         arm = goal - _turned(trunk, goal, lean * np.maximum(1.0 - missing / short, 0.0))
-        beyond = np.maximum(1.0 - reach / np.maximum(lengths(arm), reach), 0.0)[:, None] * arm
+        beyond = np.maximum(lengths(arm) - reach, 0.0)[:, None] * normalised(arm)
         for first, end in spans_of(supports.weights[:, column] > 0.0):
             places[first:end, column] -= seat[first:end].max() * beyond[first:end]
     return replace(supports, places=places)
