@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from bodies import LEG, PERSON, UP, body_of, matched, posed
+from bodies import LEG, PERSON, UP, body_of, lengthened, matched, posed
 
 from distretarget.baseline.rotation_copy import RootScale
 from distretarget.objectives.clip import Clip
@@ -47,3 +47,10 @@ def test_a_knee_is_straight_and_foot_and_hips_stay():
 def test_knees_stay_under_feet_in_place_and_if_they_bend_forwards_or_far_back(bend, raised):
     copied, clip = with_bend(bend, raised)
     np.testing.assert_allclose(clip.copy.positions, copied.copy.positions, atol=1e-9)
+
+
+def test_legs_without_shins_stay():
+    target = lengthened(PERSON, {"Ankle": 0.0})
+    clip = Clip.of(matched(posed(PERSON, {}, np.tile(LEG * UP, (FRAMES, 1))), target), RootScale.even(1.0))
+    straight = with_straight_knees(clip, find_foot_lock(clip), body_of(target).limbs)
+    np.testing.assert_allclose(straight.copy.positions, clip.copy.positions, atol=1e-9)

@@ -31,6 +31,8 @@ def test_root_scale_of_bodies_without_legs_is_the_ratio_of_the_longest_paths_tha
     body = chain()
     longer = replace(body, offsets=body.offsets * [[1], [2], [5]])
     assert find_root_scale(matched(body, longer, {"c": None})) == pytest.approx(2.0)
+    flat = replace(body, offsets=body.offsets * [[1], [0], [1]])
+    assert find_root_scale(matched(body, flat, {"c": None})) == 1.0
 
 
 def test_the_hips_stand_over_the_scaled_place_of_the_sources():

@@ -147,7 +147,7 @@ class RootScale:
 
 def find_root_scale(matching: Matching) -> float:
     """Return how many target units the root travels per source unit: the ratio of leg lengths, which keeps strides and
-    heights in proportion to the body, or without legs the ratio of the longest paths.
+    heights in proportion to the body, or without legs the ratio of the longest paths; 1 if either has no length.
     """
     if matching.legs:
         from_length, to_length = matching.leg_lengths
@@ -155,7 +155,7 @@ def find_root_scale(matching: Matching) -> float:
         shared = np.flatnonzero(matching.drivers >= 0)
         from_length = matching.source.skeleton.longest_path_among(matching.drivers[shared])
         to_length = matching.target.skeleton.longest_path_among(shared)
-    return float(to_length / from_length) if from_length > 0 else 1.0
+    return float(to_length / from_length) if min(from_length, to_length) > 0.0 else 1.0
 
 
 def root_path(baseline: Motion, matching: Matching, scale: RootScale) -> Array:

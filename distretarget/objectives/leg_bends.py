@@ -67,7 +67,8 @@ def with_straight_knees(clip: Clip, feet: Supports, limbs: Sequence[Limb]) -> Cl
         axis = normalised(leg_line)
         forward = normalised(perpendicular(toe - ankle, axis))
         back = np.maximum(-(perpendicular(thigh, axis) * forward).sum(axis=1), 0.0)
-        nearer = (lengths(leg_line) - lengths(place - hip)) / (NEARER * lengths(shin))
+        nearer, size = lengths(leg_line) - lengths(place - hip), NEARER * lengths(shin)
+        nearer = np.divide(nearer, size, out=np.zeros_like(size), where=size > 0.0)
         firm = feet.weights[:, 2 * leg] * np.clip(nearer, 0.0, 1.0)
         firm *= 1.0 - smoothstep(angles_between(thigh, shin) / BACKWARDS - 1.0)
         moved[:, number, 0] = (firm * back)[:, None] * forward
