@@ -98,7 +98,7 @@ class LimbReach:
                     turn = Rotation.from_quat(least_rotation(one.normals(motion), -out))
                     hand = turn.apply(one.axis_directions(motion))
                     spin = np.arctan2((cross(hand, bone) * out).sum(axis=1), (across(hand, out) * bone).sum(axis=1))
-                    spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(bone, out)) / lengths(bone))
+                    spin = (spin - ASIDE * np.sin(spin)) * smoothstep(lengths(across(normalised(bone), out)))
                     turn = Rotation.from_rotvec(spin[:, None] * out) * turn
                     turns.append((arm.end, (free * weight)[:, None] * _unwrapped(turn, weight)))
         for joint, v in turns:

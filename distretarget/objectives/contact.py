@@ -190,11 +190,11 @@ def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
         lower, upper, *_ = (joint for joint in clip.skeleton.to_root(leg.ankle) if clip.skeleton.lengths[joint] > 0.0)
         thigh, shin, foot = (bones[:, joint] for joint in (upper, lower, leg.toe))
         off = lengths(supports.places[:, support] - clip.copy_on_path(np.array([leg.ankle]))[:, 0])
-        share = supports.weights[:, support] * np.minimum(off / (SLIGHT * lengths(shin)), 1.0)
+        share = supports.weights[:, support] * np.minimum(off, SLIGHT * lengths(shin))
         down = normalised(shin)
         forward = normalised(perpendicular(foot, down))
         bend = lengths(cross(normalised(thigh), down)) / STRAIGHT
-        aside = SLIGHT * (share * np.maximum(1.0 - bend**2, 0.0) * lengths(shin))[:, None] * forward
+        aside = (share * np.maximum(1.0 - bend**2, 0.0))[:, None] * forward
         thigh += aside
         shin -= aside
     return bones
