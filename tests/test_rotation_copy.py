@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from bodies import SIDES, lengthened, matched, person, posed, sample, swaying, tree_of
+from scipy.spatial.transform import Rotation
 from skeleton_edits import with_offset
 
 from distretarget.baseline.rotation_copy import RootScale, find_root_scale, longest_strides, root_path, rotation_copy
@@ -33,6 +34,18 @@ def test_root_scale_of_bodies_without_legs_is_the_ratio_of_the_longest_paths_tha
     assert find_root_scale(matched(body, longer, {"c": None})) == pytest.approx(2.0)
     flat = replace(body, offsets=body.offsets * [[1], [0], [1]])
     assert find_root_scale(matched(body, flat, {"c": None})) == 1.0
+
+
+def test_feet_that_turn_out_below_thighs_without_length_turn_nothing():
+    body = person()
+    offsets = body.offsets.copy()
+    for side, turn in zip(SIDES, (30, -30), strict=True):
+        toe = body.index(f"{side}Toe")
+        offsets[toe] = Rotation.from_euler("Y", turn, degrees=True).apply(offsets[toe])
+        offsets[body.index(f"{side}Knee")] = 0.0
+    matching = matched(swaying(body, angle=0.4), body.with_offsets(offsets))
+    assert matching.turnout.all()
+    assert np.isfinite(rotation_copy(matching, RootScale.even(1.0)).positions).all()
 
 
 def test_the_hips_stand_over_the_scaled_place_of_the_sources():

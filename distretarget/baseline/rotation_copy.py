@@ -104,7 +104,7 @@ def _joint_alignments(matching: Matching, normals: Mapping[int, tuple[Array, Arr
             if joint not in trunk and (another_pose or not role or role.endswith(BY_BONE)):
                 turn = onto @ turn
         if angle := turnout.get(joint):
-            axis = normals[joint][0] if joint in normals else -b[0]
+            axis = normals[joint][0] if joint in normals else -b[:1].sum(axis=0)  # none without a bone
             turn = Rotation.from_rotvec(-angle * axis).as_matrix() @ turn
         alignments.append(turn)
     return np.array(alignments)

@@ -185,10 +185,10 @@ def _with_bent_knees(clip: Clip, supports: Supports) -> Array:
     """
     bones = clip.copy.bones
     for support, leg in zip(range(0, supports.feet, 2), clip.target_legs or (), strict=False):
-        if leg.toe == leg.ankle:
+        leg_bones = [joint for joint in clip.skeleton.to_root(leg.ankle) if clip.skeleton.lengths[joint] > 0.0]
+        if leg.toe == leg.ankle or len(leg_bones) < 2:
             continue
-        lower, upper, *_ = (joint for joint in clip.skeleton.to_root(leg.ankle) if clip.skeleton.lengths[joint] > 0.0)
-        thigh, shin, foot = (bones[:, joint] for joint in (upper, lower, leg.toe))
+        shin, thigh, foot = (bones[:, joint] for joint in (*leg_bones[:2], leg.toe))
         off = lengths(supports.places[:, support] - clip.copy_on_path(np.array([leg.ankle]))[:, 0])
         share = supports.weights[:, support] * np.minimum(off, SLIGHT * lengths(shin))
         down = normalised(shin)
