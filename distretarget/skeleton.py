@@ -357,7 +357,9 @@ class Skeleton:
         return replace(self, offsets=self.offsets * HALF_TURN, faces_negative_z=not self.faces_negative_z)
 
     def with_lengths(self, lengths: ArrayLike) -> Skeleton:
-        """Return the tree with other bone lengths, (joints,), from 0 up, else a SkeletonError; those of 0 stay 0."""
+        """Return the same tree and bone directions with other bone lengths, (joints,), at least 0. Bones of length 0
+        keep this length. A SkeletonError for other lengths.
+        """
         if np.shape(lengths) != self.lengths.shape or not np.all(np.asarray(lengths) >= 0):
             raise SkeletonError(f"lengths have to be {len(self)} numbers, from 0")
         factors = np.divide(lengths, self.lengths, out=np.ones(len(self)), where=self.lengths > 0)

@@ -116,7 +116,9 @@ def _chain(skeleton: Skeleton, joints: Mapping[str, int], above: int, bones: Ite
 
 
 def corrected_anatomy(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Anatomy:
-    """Return an anatomy with sides and toes corrected, by `positions`, (..., joints, 3), in most of which it stands."""
+    """Return an anatomy with wrong sides and toes corrected, from `positions`, (..., joints, 3), of postures in most of
+    which the body stands.
+    """
     places = positions.reshape(-1, len(skeleton), 3)
     anatomy = with_correct_sides(skeleton, anatomy, places)
     toes = {f"{side}Toes": _toes_farther_down(skeleton, anatomy, side, places) for side in SIDES}

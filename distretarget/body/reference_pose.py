@@ -334,7 +334,9 @@ def _angles(turns: Array) -> Array:
 
 
 def _squared(turns: Array) -> Array:
-    """Rotations of joints built alike, (joints, 3, 3), or right angles nearest to them if these are near on average."""
+    """The rotations of joints that are built alike, (joints, 3, 3), or the rotations by right angles nearest to them if
+    these are near on average.
+    """
     nearest = _right_angled(turns)
     return nearest if _angles(nearest.swapaxes(-1, -2) @ turns).mean() < RIGHT_ANGLED else turns
 

@@ -163,7 +163,9 @@ def part_frames(body: Body, head: float = 1.0) -> Iterator[tuple[str, PartFrame]
 
 
 def proportions(body: Body) -> tuple[float, float] | None:
-    """Return the lengths of legs, and from shoulders to the head's top [sizes]; None if bones do not show both."""
+    """Return the length of the legs, and the height of the top of the head over the shoulders [sizes]; None if bones do
+    not show both.
+    """
     size = _Size.of(body) if body.anatomy else None
     shoulders = size.anatomy.pair("UpperArm") if size else []
     if size is None or not shoulders or not body.legs or not (reach := _head_reach(size)):

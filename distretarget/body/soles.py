@@ -129,7 +129,9 @@ def with_normals(soles: Sequence[Sole], normals: Sequence[Array]) -> tuple[Sole,
 
 
 def with_resting_feet(pose: Pose, body: Body, legs: Legs) -> Pose:
-    """Return a pose with joints below each ankle at their mean while the foot rests in a body's motion, if it does."""
+    """Return a pose of a body with the joints below the ankles at their mean while the feet rest in the body's motion;
+    they are unchanged if a foot never rests.
+    """
     motion, length = body.motion, leg_length(body.skeleton, legs)
     if motion is None:
         return pose
@@ -332,7 +334,9 @@ def _flat_normal(body: Body, ankle: int, sole: Sole, mesh: SkinnedMesh) -> Array
 
 
 def _faces(mesh: SkinnedMesh, joints: list[int]) -> tuple[Array, Array]:
-    """The hull's triangles of vertices that joints move most: inward normals, (n, 3), and shares of its surface."""
+    """The triangles of the convex hull of the vertices that some joints move most: the inward normal of each,
+    (triangles, 3), and its share of the hull's surface, (triangles,).
+    """
     points = mesh.vertices[np.isin(mesh.carriers, joints)]
     try:
         hull = ConvexHull(points)

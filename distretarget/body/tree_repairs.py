@@ -93,7 +93,9 @@ class Reparented(NamedTuple):
 
 
 def reparented(skeleton: Skeleton, parents: Mapping[int, int], channels: Mapping[int, Sequence[str]]) -> Reparented:
-    """Return a skeleton with other parents; joints that stay have one in `parents`, -1 for the root, and `channels`."""
+    """Return a skeleton with other parents: `parents` has the parent of each joint that stays, -1 for the root, and
+    `channels` the channels of these joints.
+    """
     joints = _top_down(parents)
     places, numbers = skeleton.rest_positions, {joint: number for number, joint in enumerate(joints)}
     above = np.array([numbers.get(parents[joint], -1) for joint in joints])

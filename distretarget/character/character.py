@@ -146,7 +146,9 @@ class Character:
         return rotations[:, self._above :], moved[:, self._above :]
 
     def animation(self, motion: Motion, name: str) -> Animation:
-        """Return a motion as an animation of nodes that turn or move; joints with repaired parents always move."""
+        """Return a motion of the skeleton as an animation of the nodes that turn or move. Joints that are repaired to
+        hang from others get keys of translation.
+        """
         trees = [self.in_file, *(repair.skeleton for repair in self.repairs)]
         for repair, tree in reversed([*zip(self.repairs, trees, strict=False)]):
             motion = _in_tree(tree, motion, repair.joints)

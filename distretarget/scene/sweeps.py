@@ -79,7 +79,9 @@ class Core:
         return cls(centres, (whole.radii[on] @ shares).ravel() / unit)
 
     def distance_to_clear(self, other: Core, along: Array, overlap: float, ahead: float = 0.5) -> Array:
-        """(frames,), how far to move along unit vectors, (frames, 3), to leave balls `ahead` an `overlap` at most."""
+        """(frames,), how far to move along unit vectors, (frames, 3), until no balls `ahead` overlap by more than
+        `overlap`.
+        """
         distances, bodies = np.zeros(len(along)), (self.centres, self.radii, other.centres, other.radii)
         centres, radii, others, other_radii, along = map(np.ascontiguousarray, (*bodies, along))
         write_exit_distances(centres, radii, others, other_radii, along, overlap, ahead, distances)
