@@ -154,9 +154,9 @@ def _displaced(
     of_source = false_overlap(skins.source, zones, pairs, clip.source, first, skins.least_gap)
     overlap[:, on_arms] = np.minimum(overlap, of_source)[:, on_arms]
     overlap[:, found:] = 0.0  # the user's gaps are those of capsules
-    soft = np.maximum(frames.soft, np.where(are_hard, overlap[:, zones.of_pair], 0.0))
     d = np.zeros((len(clip), len(body.limbs), 2, 3))
     if targets is not None or not skins.are_alike:  # else limbs are on their sides already
+        soft = np.maximum(frames.soft, np.where(are_hard, overlap[:, zones.of_pair], 0.0))
         d = start_displacements(body.balls, body.displaced, frames._replace(soft=soft), *shots)
     for steps in ROUNDS:
         now = bent(posed, body.limbs, body.unit * d)
