@@ -16,6 +16,7 @@ Array = NDArray[np.float64]
 Body = Callable[[Array], Array]
 
 MOST_JOINTS = 4  # influences on a point
+MIRROR = (-1, 1, 1)
 STEP = 1e-4  # of finite differences [cm]
 
 
@@ -92,9 +93,12 @@ def both_sides(body: Body) -> Body:
 
 
 def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface:
-    """The surface of a body within a box, by surface nets (Gibson 1998, https://doi.org/10.1007/BFb0056277)."""
-    low = np.asarray(low, float)
-    counts = np.ceil((np.asarray(high, float) - low) / cell).astype(int) + 1
+    """The surface of a body within a box, by surface nets (Gibson 1998, https://doi.org/10.1007/BFb0056277). The middle
+    of the grid is that of the box.
+    """
+    low, high = np.asarray(low, float), np.asarray(high, float)
+    counts = np.ceil((high - low) / cell).astype(int) + 1
+    low = 0.5 * (low + high - cell * (counts - 1))
     corners = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
     inside = body(corners) < 0
     around = np.lib.stride_tricks.sliding_window_view(inside, (2, 2, 2))
@@ -111,6 +115,15 @@ def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface
     slope = _slope(body, points)
     triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return Surface(points, slope / np.linalg.norm(slope, axis=1, keepdims=True), triangles)
+
+
+def halves(whole: Surface) -> tuple[Surface, Surface]:
+    """The left half of a surface, x >= 0, with the points that are next to it moved to x = 0, and its mirror image."""
+    kept = whole.triangles[(whole.points[whole.triangles, 0] > STEP).any(axis=1)]
+    used, triangles = np.unique(kept, return_inverse=True)
+    points, triangles = np.maximum(whole.points[used], [0.0, -np.inf, -np.inf]), triangles.reshape(-1, 3)
+    normals = np.where(points[:, :1] > 0.0, whole.normals[used], whole.normals[used] * (0.0, 1.0, 1.0))
+    return Surface(points, normals, triangles), Surface(points * MIRROR, normals * MIRROR, triangles[:, ::-1])
 
 
 def _quads(inside: NDArray[np.bool_], number: NDArray[np.intp], axis: int) -> NDArray[np.intp]:

@@ -16,7 +16,7 @@ from scipy.spatial import KDTree
 from distretarget.numerics.vectors import Array, Flags, Numbers, cross, lengths, level, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import GROUP, SEGMENTS, Capsules, no_capsules
-from distretarget.skin.mesh import SkinnedMesh, with_largest_share
+from distretarget.skin.mesh import SkinnedMesh
 
 MOST_POINTS = 30_000  # that the mesh is sampled with
 FEWEST_POINTS = 6  # of a part that gets capsules, or of half of it
@@ -136,17 +136,13 @@ def _sampled(mesh: SkinnedMesh, joints: int, parts: Sequence[Part]) -> tuple[_Su
     part_of = np.full(joints, -1)
     for number, part in enumerate(parts):
         part_of[list(part.joints)] = number
-    influences = part_of[mesh.joints[triangles]].reshape(len(triangles), -1)
-    weights = mesh.weights[triangles].reshape(influences.shape)
-    shares = np.stack([((influences == each[:, None]) * weights).sum(axis=1) for each in influences.T], axis=1)
-    owners = with_largest_share(influences, shares)
     corners = mesh.vertices[triangles]
     areas = 0.5 * lengths(cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     quarters = QUARTERS if 4 * len(triangles) <= MOST_POINTS else QUARTERS[:1]
     points = np.einsum("qc,tci->tqi", quarters, corners).reshape(-1, 3)
     many = len(quarters)
     surface = _Surface(points, np.repeat(areas / many, many), np.repeat(mesh.pieces[triangles[:, 0]], many))
-    owned = np.repeat(owners, many)
+    owned = np.repeat(mesh.owners(part_of, triangles), many)
     owned[surface.areas <= 0.0] = -1
     return surface, owned
 

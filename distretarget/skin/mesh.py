@@ -62,6 +62,18 @@ class SkinnedMesh:
         """(vertices,), the joint with the largest weight of each vertex; of several the first."""
         return with_largest_share(self.joints, self.weights)
 
+    def owners(self, part_of: Numbers, triangles: Numbers) -> Numbers:
+        """Return the part that moves most of each triangle, (n,), by the skin weights of its corners.
+
+        Args:
+            part_of: (joints,), the part of each joint; -1 for none.
+            triangles: (n, 3), indices of vertices.
+        """
+        parts = part_of[self.joints[triangles]].reshape(len(triangles), -1)
+        weights = self.weights[triangles].reshape(parts.shape)
+        shares = np.stack([((parts == each[:, None]) * weights).sum(axis=1) for each in parts.T], axis=1)
+        return with_largest_share(parts, shares)
+
     @property
     def firsts(self) -> Numbers:
         """(vertices,), the first vertex at the place of each; files repeat vertices where materials or images meet."""

@@ -123,13 +123,12 @@ def _spread(
     normals = cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
     folded_middles, of_left = folded[mesh.triangles].mean(axis=1), sides[mesh.triangles].mean(axis=1) >= 0.0
-    of_corners = np.sort(of_joint[mesh.carriers][mesh.triangles], axis=1)
-    most = np.where((np.diff(of_corners, axis=1) == 0).any(axis=1), of_corners[:, 1], -1)  # shared by two corners
+    owners = mesh.owners(of_joint, mesh.triangles)
     none = np.zeros(0, np.intp)
     found = [(none, none, np.zeros(0), none)]
     for segment, name in enumerate(SEGMENTS):
         own = capsules[capsules.segments == segment]
-        on = np.flatnonzero((most == segment) & (areas > 0.0))
+        on = np.flatnonzero((owners == segment) & (areas > 0.0))
         if len(on) and len(own):
             out = middles[on] - _nearest_on(own.ends + skeleton.rest_positions[own.joints, None], middles[on])
             leads_out = (normals[on] * out).sum(axis=1) > 0.0
