@@ -238,6 +238,14 @@ def test_a_rest_pose_turns_or_tilts_no_feet(disguise, structure):
         assert turned_at_most(*motions, ("Ankle", "Foot")) < 4.0
 
 
+@pytest.mark.parametrize("structure", TILTED)
+@pytest.mark.parametrize("frames", [slice(0, 12), slice(48, 66)])
+def test_one_foot_that_stands_flat_shows_how_the_other_does(disguise, structure, frames):
+    for target in targets():
+        clips = (disguise.worn(each(sample("walk"))[frames]) for each in (plain, structure))
+        assert turned_at_most(*(retarget(clip, target).motion for clip in clips), ("Ankle", "Foot")) < 4.0
+
+
 @pytest.mark.parametrize("structure", TURNED_OUT)
 def test_a_target_with_feet_turned_out_at_rest_turns_them_as_the_source_does(disguise, structure, tmp_path):
     if disguise.gltf:

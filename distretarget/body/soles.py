@@ -39,6 +39,7 @@ UNEVEN_SHARE = 0.4  # and it is not if at most this share is
 GUESSED_LENGTH, GUESSED_DIRECTION = 0.01, np.cos(np.radians(10))  # tolerances of made-up tips [lengths; cosine]
 UPRIGHT = np.sin(np.radians(15))  # a foot within this angle of straight up or down points nowhere else [sine]
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
+MIRRORED = np.array([1.0, -1.0])  # a foot's turn about its side and along it, as that of the other foot
 SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle form one side of the foot [cosine]
 # A flat sole is at least this share of the hull's surface: soles of real characters are 0.15 to 0.26 of it, the largest
 # face of a round foot is 0.05, that of a pointed toe less.
@@ -209,66 +210,65 @@ def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Arr
     `ROLL`, or up to `RAISED` if the toes of both feet are higher than that. Larger angles are faded out, to 0 at twice
     these limits, as feet may rest on their toes.
     """
+    axes, angles = _resting_turns(motion, legs, soles, up)
+    pitch = RAISED if (angles[:, 0] > PITCH).all() else PITCH
+    return _turned(soles, axes, angles * (1.0 - smoothstep(np.abs(angles) / [pitch, ROLL] - 1.0)))
+
+
+def _resting_turns(motion: Motion, legs: Legs, soles: Sequence[Sole], up: Array) -> tuple[list[Array], Array]:
+    """The axes of each foot to its side and along it, (2, 3), and the angles by which normals are turned about them to
+    be up while feet rest, (feet, 2) [rad]; 0 if neither ever does. A foot that never rests, or on its toes alone as far
+    as the other foot shows, is the mirror image of the other.
+    """
     length = leg_length(motion.skeleton, legs)
-    turns = [_resting_turn(motion, leg, sole.normal, up, length) for leg, sole in zip(legs, soles, strict=True)]
-    pitch = RAISED if all(angles[0] > PITCH for _, angles in turns) else PITCH
-    left, right = (
-        Rotation.from_rotvec(angles * (1.0 - smoothstep(np.abs(angles) / [pitch, ROLL] - 1.0)) @ axes).apply(
-            sole.normal
-        )
-        for (axes, angles), sole in zip(turns, soles, strict=True)
-    )
+    rests, axes, angles = [_at_rest(motion, leg, up, length) for leg in legs], [], np.zeros((len(legs), 2))
+    for foot, (sole, rest) in enumerate(zip(soles, rests, strict=True)):
+        found, toe = rest or (sole.normal, sole.direction)
+        aside, axis = normalised(cross(sole.normal, toe)), cross(sole.normal, found)
+        axes.append(np.stack([aside, cross(aside, sole.normal)]))
+        angles[foot] = axes[-1] @ normalised(axis) * np.arctan2(np.linalg.norm(axis), sole.normal @ found)
+    if not any(rests):
+        return axes, angles
+    angles[[rest is None for rest in rests]] = -np.pi, 0.0
+    other = angles[::-1] * MIRRORED
+    return axes, angles + smoothstep((other - angles)[:, :1] / PITCH - 1.0) * (other - angles)
+
+
+def _turned(soles: Sequence[Sole], axes: Sequence[Array], angles: Array) -> tuple[Array, Array]:
+    """The normals of the soles of both feet, (3,) each, turned by angles about axes, as by `_resting_turns`."""
+    turns = Rotation.from_rotvec([own @ about for own, about in zip(angles, axes, strict=True)])
+    left, right = turns.apply([sole.normal for sole in soles])
     return left, right
 
 
-def _resting_turn(motion: Motion, leg: Leg, normal: Array, up: Array, length: float) -> tuple[Array, Array]:
-    """The axes of a foot to its side and along it, (2, 3), and the angles, (2,), by which its normal is turned about
-    them to be up while it rests; 0 if it never does [rad].
-    """
-    at_rest = _at_rest(motion, leg, up, length)
-    if at_rest is None:
-        return np.zeros((2, 3)), np.zeros(2)
-    found, toe = at_rest
-    axes = np.stack([aside := normalised(cross(normal, toe)), cross(aside, normal)])
-    axis = cross(normal, found)
-    return axes, axes @ normalised(axis) * np.arctan2(np.linalg.norm(axis), normal @ found)
-
-
 def leg_angles(legs: Legs, pose: Pose) -> Array:
-    """Return how far each leg leans to the left in a pose, and its foot points down and to the left, (2, 3) [rad]. A
-    foot that points nearly straight up or down points ahead.
+    """Return how far each foot points down in a pose, its leg leans to the left, and the foot points to the left,
+    (2, 3) [rad]. A foot that points nearly straight up or down points ahead.
     """
     hips, ankles, toes = (pose.positions[[*joints]] for joints in zip(*(leg.joints for leg in legs), strict=True))
     leg, foot = (ankles - hips) @ pose.axes, (toes - ankles) @ pose.axes
     out = lengths(foot[:, [0, 2]])
     ahead = np.where(out > UPRIGHT * lengths(foot), np.arctan2(foot[:, 0], foot[:, 2]), 0.0)
-    return np.stack([np.arctan2(leg[:, 0], -leg[:, 1]), np.arctan2(-foot[:, 1], out), ahead], axis=1)
+    return np.stack([np.arctan2(-foot[:, 1], out), np.arctan2(leg[:, 0], -leg[:, 1]), ahead], axis=1)
 
 
 def untilted_normals(body: Body, legs: Legs, soles: tuple[Sole, ...], tilts: Array) -> tuple[Array, Array] | None:
     """Return the normals of the soles of both feet, (3,) each, without the tilt of the rest pose; None without a tilt.
 
     A rest pose with splayed legs may stand on the edges of its feet, or its feet may hang, and so may those of another
-    body in the same pose. `tilts`, (2, 2), are how much more the body's legs lean to the left and its feet point down
+    body in the same pose. `tilts`, (2, 2), are how much more the body's feet point down and its legs lean to the left
     than the other's [rad]. Feet that rest in the motion show how much they are tilted, at most `MOST` times as much,
     and that they hang if both do.
     """
     if body.motion is None or not body.stands_at_rest or body.standing is not None:
         return None
-    tilts = MOST * tilts * smoothstep(np.abs(tilts) / [TILTED, HANGS] - 1.0)
+    tilts = MOST * tilts * smoothstep(np.abs(tilts) / [HANGS, TILTED] - 1.0)
     if not tilts.any():
         return None
-    length = leg_length(body.skeleton, legs)
-    feet = zip(legs, soles, strict=True)
-    turns = [_resting_turn(body.motion, leg, sole.normal, body.up_vector, length) for leg, sole in feet]
-    shown = np.array([angles[::-1] for _, angles in turns])
+    axes, shown = _resting_turns(body.motion, legs, soles, body.up_vector)
     angles = np.clip(shown, np.minimum(tilts, 0.0), np.maximum(tilts, 0.0))
-    angles[:, 1] *= smoothstep(shown[:, 1].min() / HANGS - 1.0)
-    left, right = (
-        Rotation.from_rotvec(own[::-1] @ axes).apply(sole.normal)
-        for (axes, _), own, sole in zip(turns, angles, soles, strict=True)
-    )
-    return left, right
+    angles[:, 0] *= smoothstep(shown[:, 0].min() / HANGS - 1.0)
+    return _turned(soles, axes, angles)
 
 
 def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
