@@ -127,7 +127,7 @@ FAULTS: dict[str, Fault] = {
         lambda s: s.hand_moved("right", -0.05 * s.height * s.left),
     ),
     "a contact 5 frames late": ("clap", lambda s: s.late(tuple(f"right{part}" for part in ARM), 5)),
-    "an upper arm 4 % of height in the trunk": ("walk", lambda s: s.turned("leftUpperArm", -14.0 * s.ahead)),
+    "an upper arm 4 % of height in the trunk": ("walk", lambda s: s.turned("leftUpperArm", -18.0 * s.ahead)),
     "a hand 3 % of height in the belly": ("hands_on_hips", lambda s: s.hand_moved("left", -0.03 * s.height * s.left)),
     "a head 30 degrees down": ("squat", lambda s: s.turned("head", 30.0 * s.left)),
     "a pop of an elbow": (

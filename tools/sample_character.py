@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from gltf_file import Gltf
 from numpy.typing import NDArray
-from sample_mesh import Surface, behind, both_sides, cut, ellipsoid, halves, joined, limb, surface, weights
+from sample_mesh import Surface, behind, both_sides, cut, ellipsoid, joined, limb, surface, symmetric, weights
 from scipy.spatial.transform import Rotation
 
 from distretarget.numerics.quaternions import least_rotation
@@ -146,11 +146,11 @@ WHOLE_SHOE = joined(
     3.0,
 )
 LEFT_SHOE = cut(WHOLE_SHOE, behind((0, 0, 0), (0, -1, 0)), 1.5)
-PARTS = (  # body, colour, box, cell
-    (CLOTHES, SUIT, ((-71, 3, -17), (71, 156, 17)), 4.2),  # no cell lies across x = 0, where thighs are near
-    (HEAD, SKIN, ((-12, 131, -13), (12, 178, 16)), 2.25),
+PARTS = (  # body, colour, box, cell; cells meet at x = 0 between thighs, and lie across it elsewhere
+    (CLOTHES, SUIT, ((-71.4, 3, -17), (72, 156, 17)), 4.2),
+    (HEAD, SKIN, ((-12.375, 131, -13), (12, 178, 16)), 2.25),
     (LEFT_HAND, SKIN, ((58, 133, -12), (90, 145, 10)), 1.5),
-    (HAIR, DARK, ((-12, 152, -14), (12, 180, 13)), 2.7),
+    (HAIR, DARK, ((-12.15, 152, -14), (12, 180, 13)), 2.7),
     (LEFT_EYE, DARK, ((1.5, 161, 7.5), (6, 166, 12)), 0.9),
     (LEFT_SHOE, DARK, ((2, -2, -11), (20, 19, 24)), 2.7),
 )
@@ -176,8 +176,7 @@ def mesh(bones: Joints) -> list[Part]:
 def _surfaces() -> Iterator[tuple[tuple[float, float, float], Surface]]:
     """The surfaces of all bodies, each with its colour."""
     for body, colour, (low, high), cell in PARTS:
-        for half in halves(surface(body, low, high, cell)):
-            yield colour, half
+        yield colour, symmetric(surface(body, low, high, cell))
 
 
 def _part(name: str, colour: tuple[float, float, float], surfaces: Sequence[Surface], bones: Joints) -> Part:

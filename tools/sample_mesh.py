@@ -93,12 +93,9 @@ def both_sides(body: Body) -> Body:
 
 
 def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface:
-    """The surface of a body within a box, by surface nets (Gibson 1998, https://doi.org/10.1007/BFb0056277). The middle
-    of the grid is that of the box.
-    """
-    low, high = np.asarray(low, float), np.asarray(high, float)
-    counts = np.ceil((high - low) / cell).astype(int) + 1
-    low = 0.5 * (low + high - cell * (counts - 1))
+    """The surface of a body within a box, by surface nets (Gibson 1998, https://doi.org/10.1007/BFb0056277)."""
+    low = np.asarray(low, float)
+    counts = np.ceil((np.asarray(high, float) - low) / cell).astype(int) + 1
     corners = low + cell * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
     inside = body(corners) < 0
     around = np.lib.stride_tricks.sliding_window_view(inside, (2, 2, 2))
@@ -117,13 +114,21 @@ def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface
     return Surface(points, slope / np.linalg.norm(slope, axis=1, keepdims=True), triangles)
 
 
-def halves(whole: Surface) -> tuple[Surface, Surface]:
+def symmetric(whole: Surface) -> Surface:
     """The left half of a surface, x >= 0, with the points that are next to it moved to x = 0, and its mirror image."""
     kept = whole.triangles[(whole.points[whole.triangles, 0] > STEP).any(axis=1)]
-    used, triangles = np.unique(kept, return_inverse=True)
-    points, triangles = np.maximum(whole.points[used], [0.0, -np.inf, -np.inf]), triangles.reshape(-1, 3)
-    normals = np.where(points[:, :1] > 0.0, whole.normals[used], whole.normals[used] * (0.0, 1.0, 1.0))
-    return Surface(points, normals, triangles), Surface(points * MIRROR, normals * MIRROR, triangles[:, ::-1])
+    used, left = np.unique(kept, return_inverse=True)
+    points, left = np.maximum(whole.points[used], [0.0, -np.inf, -np.inf]), left.reshape(-1, 3)
+    off = points[:, 0] > STEP
+    normals = np.where(off[:, None], 1.0, [0.0, 1.0, 1.0]) * whole.normals[used]
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points[~off, 0], other = 0.0, np.arange(len(points))
+    other[off] = len(points) + np.arange(off.sum())
+    return Surface(
+        np.concatenate([points, points[off] * MIRROR]),
+        np.concatenate([normals, normals[off] * MIRROR]),
+        np.concatenate([left, other[left[:, ::-1]]]),
+    )
 
 
 def _quads(inside: NDArray[np.bool_], number: NDArray[np.intp], axis: int) -> NDArray[np.intp]:

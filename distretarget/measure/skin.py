@@ -133,6 +133,10 @@ class SkinPoints:
         edges = edges[(edges >= 0).all(axis=1)]
         return SkinPoints(self.parts[chosen], self.joints[chosen], self.weights[chosen], self.offsets[chosen], edges)
 
+    def places(self, rest: Array) -> Array:
+        """Return where the points are with joints at `rest`, (joints, 3), (points, 3) [file units]."""
+        return np.asarray((self.weights[..., None] * (rest[self.joints] + self.offsets)).sum(axis=1))
+
 
 def points_of_mesh(mesh: SkinnedMesh, skeleton: Skeleton, segments: Numbers) -> SkinPoints:
     """Return the vertices of a mesh on `PARTS`, one at each place; `segments`, (joints,), are those of joints."""
@@ -264,6 +268,9 @@ class Skin:
     height: float  # of the body [file units]
     can_touch: Flags  # (parts, segments), `TOUCHABLE`, if the body has both
     frames: PartFrames  # for the coordinates of touches
+    middles: (
+        Array  # (parts, 3), the mean of the points of each from its joint in `frames`, in the rest pose [file units]
+    )
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:
@@ -288,13 +295,17 @@ def _skin(points: SkinPoints, solids: Solids, body: Body) -> Skin:
     points = points[(depths.max(axis=1, initial=0.0) <= 0.0) & ~_folds(points, body)]
     exists = np.isin(np.arange(len(SEGMENTS)), np.append(solids.groups[:-1, 1], solids.segments))
     can_touch = TOUCHABLE & exists & np.isin(np.arange(len(PARTS)), points.parts)[:, None]
-    return Skin(patches_of(points, rest), solids, body.height, can_touch, find_part_frames(body))
+    frames, places = find_part_frames(body), points.places(rest)
+    middles, counts = np.zeros((len(PARTS), 3)), np.bincount(points.parts, minlength=len(PARTS))
+    np.add.at(middles, points.parts, places - rest[frames.joints[points.parts]])
+    middles /= np.maximum(counts, 1)[:, None]
+    return Skin(patches_of(points, rest), solids, body.height, can_touch, frames, middles)
 
 
 def _folds(points: SkinPoints, body: Body) -> Flags:
     """(points,), whether each is near the top of an upper arm or thigh, where skin folds as it bends."""
     roles, rest = body.roles, body.skeleton.rest_positions
-    places = (points.weights[..., None] * (rest[points.joints] + points.offsets)).sum(axis=1)
+    places = points.places(rest)
     folds = np.zeros(len(points), bool)
     for side, (part, (top, end, share)) in product(SIDES, FOLDS.items()):
         if roles.keys() >= {side + top, side + end}:

@@ -18,7 +18,7 @@ from distretarget.measure.solid_depths import (
     set_ball,
 )
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B3, F1, F2, F3, F4, I1, I2, I3, Array, Flags, Numbers
+from distretarget.numerics.vectors import F1, F2, F3, I1, I2, I3, Array, Numbers
 from distretarget.skin.capsules import SEGMENTS
 
 # (segments,), the place of each: head; trunk with thighs, whose border differs between bodies; legs; either arm
@@ -61,8 +61,8 @@ class Search(NamedTuple):
     around: F1  # (4,), a bounding ball of the part
     balls: F2  # (patches, 4), bounding balls of the patches
     at: F1  # (4,), a point
-    # (parts, segments, 2), the point and the group that were deepest in the frame before, -1 for none. The search
-    # begins with them, so that the threshold is high from the start.
+    # (parts, segments, 2), the point and the group that are deepest, -1 for none. The search of a frame begins with
+    # those of the frame before, so that the threshold is high from the start.
     last: I3
 
     @classmethod
@@ -80,11 +80,10 @@ def find_depths(
     posed: tuple[Array, Array],
     reach: Array,
     grazing: float = 0.0,
-    separate: Flags | None = None,
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array]:
     """Return the depths of the deepest points of parts in segments, (frames, parts, segments), negative outside, and
-    minus the reach beyond that [file units]; these points in the bind pose of the segment, (frames, parts, segments,
-    3), nan if none was found; and the number of vertices of hands and forearms that are inside, (frames,).
+    minus the reach beyond that [file units]; and the number of vertices of hands and forearms that are inside,
+    (frames,). Of the segments of a place, `PLACE_OF`, only the nearest is searched, and those that the part is inside.
 
     Args:
         patches: points of the parts.
@@ -93,17 +92,13 @@ def find_depths(
         reach: the largest distance from a segment to search, (frames or 1, parts, segments) [file units]; negative
             infinity for no search.
         grazing: vertices are inside if they are deeper than this [file units].
-        separate: segments to search by themselves, (frames, parts, segments). Of the others of one place, `PLACE_OF`,
-            only the nearest is searched, and those that the part is inside.
     """
     x, q = map(np.ascontiguousarray, posed)
     shape = len(x), len(patches.parts) - 1, len(SEGMENTS)
     depths = np.array(np.broadcast_to(-reach, shape), order="C")
-    inside, places = np.zeros(len(depths)), np.full((*shape, 3), np.nan)
-    separate = np.zeros(shape, bool) if separate is None else separate
-    room = Posed.of(x.shape[1], solids), Search.of(patches, solids, PLACE_OF)
-    _find(x, q, patches, solids, grazing, separate, *room, depths, places, inside)
-    return np.where(depths == np.inf, -np.inf, depths), places, inside
+    inside, room = np.zeros(len(depths)), (Posed.of(x.shape[1], solids), Search.of(patches, solids, PLACE_OF))
+    _find(x, q, patches, solids, grazing, *room, depths, inside)
+    return np.where(depths == np.inf, -np.inf, depths), inside
 
 
 @compiled()
@@ -113,14 +108,12 @@ def _find(
     skin: Patches,
     body: Solids,
     grazing: float,
-    separate: B3,
     posed: Posed,
     search: Search,
     depths: Out[F3],
-    places: Out[F4],
     inside: Out[F1],
 ) -> None:
-    """Write depths, places and counts of vertices inside."""
+    """Write depths and counts of vertices inside."""
     for frame in range(len(positions)):
         pose(posed, body, positions[frame], rotations[frame])
         for patch in range(len(search.balls)):
@@ -128,7 +121,7 @@ def _find(
         for group in range(len(search.visited)):
             search.visited[group, 3] = np.inf
         for part in range(len(skin.parts) - 1):
-            found, counted = (depths[frame, part], places[frame, part], separate[frame, part]), part < len(LIMBS)
+            found, counted = depths[frame, part], part < len(LIMBS)
             _start_from_last(part, counted, skin, body, posed, search, found)
             near = _near_part(part, counted, skin, body, posed, search)
             for patch in range(skin.parts[part], skin.parts[part + 1] if near else skin.parts[part]):
@@ -141,23 +134,23 @@ def _find(
 
 
 @inlined()
-def _start_from_last(part, counted, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
+def _start_from_last(part, counted, skin, body, posed, search, depths):  # type: ignore[no-untyped-def]
     """Measure the points that were deepest in the frame before."""
-    depths, places, separate = found
     for segment in range(len(depths)):
         search.threshold[segment] = depths[segment]
     for segment in range(len(depths)):
         point, group = search.last[part, segment, 0], search.last[part, segment, 1]
+        search.last[part, segment, 0] = -1
         if point < 0 or (search.threshold[segment] >= 0.0 and counted):
             continue
         _set_point(point, skin, posed, search.at)
         if _meet(posed.balls[group], search.at, _reach(search.threshold[segment], counted)):
-            deep, on, i, j, k, _v, _left = depth_of(posed, body, group, -1, search.at[0], search.at[1], search.at[2])
+            deep, on, _i, _j, _k, _v, _left = depth_of(posed, body, group, -1, search.at[0], search.at[1], search.at[2])
             if on == segment and deep > search.threshold[segment]:
                 # 0 if inside, so that the patches are searched, too, and all points inside are counted
                 depths[segment] = min(deep, 0.0) if counted else deep
-                places[segment, 0], places[segment, 1], places[segment, 2] = i, j, k
-                _raise(search, separate, segment, depths[segment])
+                search.last[part, segment, 0] = point
+                _raise(search, segment, depths[segment])
 
 
 @inlined()
@@ -201,60 +194,55 @@ def _near_patch(ball, near, counted, body, posed, search):  # type: ignore[no-un
 
 
 @inlined()
-def _measure_point(part, point, close, farthest, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
+def _measure_point(part, point, close, farthest, skin, body, posed, search, depths):  # type: ignore[no-untyped-def]
     """Measure the depths of a point in the first `close` near groups, store those that are the largest so far, and
     return the largest.
     """
-    depths, places, separate = found
     _set_point(point, skin, posed, search.at)
     deepest = -np.inf
     for n in range(close):
         group, by = search.near[n, 0], search.near[n, 1]
         if _is_beyond(search.visited[group], search.at, farthest):
             continue
-        deep, on, i, j, k, _v, _left = depth_of(posed, body, group, by, search.at[0], search.at[1], search.at[2])
+        deep, on, _i, _j, _k, _v, _left = depth_of(posed, body, group, by, search.at[0], search.at[1], search.at[2])
         if on < 0 or search.threshold[on] == np.inf:
             continue
         deepest = max(deepest, deep)
         if deep > depths[on] and deep > search.threshold[on]:
             depths[on] = deep
-            places[on, 0], places[on, 1], places[on, 2] = i, j, k
             search.last[part, on, 0], search.last[part, on, 1] = point, group
-            _raise(search, separate, on, deep)
+            _raise(search, on, deep)
     return deepest
 
 
 @inlined()
-def _refine(part, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
+def _refine(part, skin, body, posed, search, depths):  # type: ignore[no-untyped-def]
     """Climb from the deepest points to deeper neighbours, with depths by triangles."""
-    depths, places, _separate = found
     for segment in range(len(depths)):
         point, group, deep = search.last[part, segment, 0], search.last[part, segment, 1], depths[segment]
-        is_found = point >= 0 and places[segment, 0] < np.inf and deep > -np.inf and deep >= search.threshold[segment]
-        if is_found and body.groups[group, 3] >= 0:
-            search.last[part, segment, 0] = _climb(segment, point, group, skin, body, posed, search, found)
+        if point >= 0 and deep >= search.threshold[segment] and body.groups[group, 3] >= 0:
+            search.last[part, segment, 0] = _climb(segment, point, group, skin, body, posed, search, depths)
 
 
 @inlined()
-def _climb(segment, point, group, skin, body, posed, search, found):  # type: ignore[no-untyped-def]
+def _climb(segment, point, group, skin, body, posed, search, depths):  # type: ignore[no-untyped-def]
     """The point that is reached from `point` by going to neighbours that are deeper in a segment, or in others of its
-    place that are not separate. Writes its depth, by triangles, and its place in the bind pose.
+    place. Writes its depth, by triangles.
     """
-    depths, places, separate = found
-    at, place, before = search.at, places[segment], -1
+    at, before = search.at, -1
     _set_point(point, skin, posed, at)
-    depths[segment] = depth_by_triangles(posed, body, group, depths[segment], place, at)
+    _deep, _on, i, j, k, _v, _left = depth_of(posed, body, group, -1, at[0], at[1], at[2])
+    depths[segment] = depth_by_triangles(posed, body, group, depths[segment], (i, j, k), at)
     while before != point:
         before = point
         for n in range(skin.first[before], skin.first[before + 1]):
             other = skin.neighbours[n]
             _set_point(other, skin, posed, at)
             deep, on, i, j, k, _v, _left = depth_of(posed, body, group, -1, at[0], at[1], at[2])
-            if on >= 0 and _counts_for(search.of_place, separate, on, segment):
+            if on >= 0 and search.of_place[on] == search.of_place[segment]:
                 deep = depth_by_triangles(posed, body, group, deep, (i, j, k), at)
                 if deep > depths[segment]:
                     point, depths[segment] = other, deep
-                    place[0], place[1], place[2] = i, j, k
     return point
 
 
@@ -301,18 +289,12 @@ def _reach(deepest, counted):  # type: ignore[no-untyped-def]
 
 
 @inlined()
-def _counts_for(of_place, separate, segment, other):  # type: ignore[no-untyped-def]
-    """Whether the depth in a segment counts for another one: both are of one place, and the other is not separate."""
-    return segment == other or (of_place[segment] == of_place[other] and not separate[other])
-
-
-@inlined()
-def _raise(search, separate, segment, deep):  # type: ignore[no-untyped-def]
+def _raise(search, segment, deep):  # type: ignore[no-untyped-def]
     """Raise the thresholds after a point that is `deep` in a segment; those of other segments of its place to 0 at
     most, so that all points inside these are found.
     """
     for other in range(len(search.threshold)):
-        if _counts_for(search.of_place, separate, segment, other):
+        if search.of_place[segment] == search.of_place[other]:
             search.threshold[other] = max(search.threshold[other], deep if other == segment else min(deep, 0.0))
 
 

@@ -13,7 +13,7 @@ from distretarget.body.anatomy import SIDES
 from distretarget.body.body import Body
 from distretarget.contact_entries import DroppedContact
 from distretarget.measure.metrics import Track, Tracks
-from distretarget.measure.skin import OWN_ARM, PART_OF, Skin, are_parts, difference
+from distretarget.measure.skin import OWN_ARM, Skin, are_parts, difference
 from distretarget.measure.skin_depths import LIMBS, PARTS, PLACE_OF, find_depths
 from distretarget.motion import Motion
 from distretarget.numerics.kinematics import world_rotations
@@ -54,8 +54,8 @@ class SkinMeasured:
     # are right; the gap of a forearm is the lesser of its own and its hand's [% of height]
     gap_error: Array
     touching: Numbers  # (frames, limbs), the number of these touches
-    # (frames, limbs), the mean distance of places of touches from those in the source, along and round the touched part
-    # [half widths], and the number of these places
+    # (frames, limbs), the mean distance of the middles of limbs that touch from the source's, along and round what they
+    # touch [half widths], and the number of these touches
     place_error: Array
     placed: Numbers
 
@@ -80,7 +80,7 @@ class SourceSkin:
     sampled: Numbers  # (samples,), the frames that are measured; each stands for those up to the next
     touches: Numbers  # (3, touches), sample, limb and segment of each, in order of samples
     gaps: Array  # (touches,), negative where the source overlaps [% of height]
-    coordinates: Array  # (touches, 3), the place on the segment, as `PartFrames.coordinates`
+    coordinates: Array  # (touches, 3), of the middle of the limb, as `PartFrames.coordinates`
 
     def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
         """Return it without touches that a user drops, of hands with forearms; `of_joint` has the target's segments."""
@@ -100,22 +100,22 @@ class SourceSkin:
         skin, to_percent = self.target, 100.0 / self.target.height
         samples = len(self.sampled) if skin.can_touch.any() else 0
         deepest, vertices = np.zeros((samples, len(PARTS))), np.zeros(samples)
-        gaps, coordinates = np.zeros(len(self.gaps)), np.full((len(self.gaps), 3), np.nan)
+        gaps = np.zeros(len(self.gaps))
 
         def measure(block: slice) -> None:
             rows = slice(*np.searchsorted(self.touches[0], (block.start, block.stop)))
             sample, limb, segment = self.touches[:, rows] - np.array([[block.start], [0], [0]])
-            reach, separate = self._reach(block.stop - block.start, sample, limb, segment)
-            reach = _larger_of_both_orders(reach)
-            depths, places, vertices[block] = _depths(skin, result, self.sampled[block], reach, separate)
+            reach = _larger_of_both_orders(self._reach(block.stop - block.start, sample, limb, segment))
+            depths, vertices[block] = _depths(skin, result, self.sampled[block], reach)
             deepest[block] = to_percent * np.maximum(depths, 0.0).max(axis=2)
-            gaps[rows], coordinates[rows] = _touch(skin, depths, places, sample, limb, segment)
+            gaps[rows] = _gaps(depths, sample, limb, segment)
 
         if samples:
             over_blocks(measure, samples, len(skin.patches.counts))
         # too far apart, where the source overlaps than touching; or deeper than in the source
         off = np.maximum(to_percent * gaps - np.maximum(self.gaps, 0.0), self.gaps - to_percent * gaps)
         gap_error, counts = self._means(np.maximum(off, 0.0), samples)
+        coordinates = _coordinates(skin, result, self.sampled[self.touches[0]], *self.touches[1:])
         place_error, placed = self._means(difference(self.coordinates, coordinates), samples)
         last = np.searchsorted(self.sampled, np.arange(len(result) if samples else 0), side="right") - 1
         of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
@@ -129,16 +129,13 @@ class SourceSkin:
             placed=placed[last],
         )
 
-    def _reach(self, samples: int, sample: Numbers, limb: Numbers, segment: Numbers) -> tuple[Array, Flags]:
-        """The arguments `reach` and `separate` of `find_depths` for touches of the source, (touches,) each."""
-        reach = np.tile(np.where(self.target.can_touch, 0.0, -np.inf), (samples, 1, 1))
-        separate = np.zeros(reach.shape, bool)
-        same_place, same_part = (of[segment][:, None] == of for of in (PLACE_OF, PART_OF))
+    def _reach(self, samples: int, sample: Numbers, limb: Numbers, segment: Numbers) -> Array:
+        """The argument `reach` of `find_depths` for touches of the source, (touches,) each."""
+        reach, same_place = np.tile(np.where(self.target.can_touch, 0.0, -np.inf), (samples, 1, 1)), PLACE_OF[segment]
         for each, either in product(range(len(SEGMENTS)), (limb, HAND[limb])):
-            place, part = same_place[:, each], same_part[:, each]
-            reach[sample[place], either[place], each] = FARTHEST / 100.0 * self.target.height
-            separate[sample[part], either[part], each] = True
-        return reach, separate
+            on = same_place == PLACE_OF[each]
+            reach[sample[on], either[on], each] = FARTHEST / 100.0 * self.target.height
+        return reach
 
     def _means(self, values: Array, samples: int) -> tuple[Array, Numbers]:
         """The means of values of touches, (samples, limbs), and the numbers of those that are finite."""
@@ -162,8 +159,8 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
     reach[:, len(LIMBS) :] = -np.inf
 
     def touch(frames: Numbers) -> Array:
-        """(touches, 7), frame, limb and segment of the touches in some frames, their gaps and coordinates."""
-        depths, places, _ = _depths(skin, source, frames, reach)
+        """(touches, 4), frame, limb and segment of the touches in some frames, and their gaps."""
+        depths, _ = _depths(skin, source, frames, reach)
         of_limbs = depths[:, : len(LIMBS)]
         touching = (of_limbs > -reach[:, : len(LIMBS)]) & both & ~(hanging[frames, :, None] & BESIDE)
         for place in np.unique(PLACE_OF):  # of several segments of one place the nearest counts
@@ -171,8 +168,8 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
             some = np.where(touching[:, :, on], of_limbs[:, :, on], -np.inf)
             touching[:, :, on] &= np.arange(len(on)) == some.argmax(axis=2)[:, :, None]
         frame, limb, segment = np.nonzero(touching)
-        gaps, coordinates = _touch(skin, depths, places, frame, limb, segment)
-        return np.column_stack([frames[frame], limb, segment, 100.0 / skin.height * gaps, coordinates])
+        gaps = _gaps(depths, frame, limb, segment)
+        return np.column_stack([frames[frame], limb, segment, 100.0 / skin.height * gaps])
 
     def touches_in(frames: Numbers) -> Array:
         blocks = [frames[block] for block in blocks_of(len(frames))]
@@ -184,8 +181,9 @@ def find_source_skin(source: Motion, body: Body, skin: Skin, target: Skin) -> So
         found = found[np.argsort(found[:, 0], kind="stable")]
     found = found[~_passing(source, body, skin, sampled, *found[:, :3].T.astype(np.intp))]
     touches = found[:, :3].T.astype(np.intp)
+    coordinates = _coordinates(skin, source, *touches)
     touches[0] = np.searchsorted(sampled, touches[0])
-    return SourceSkin(target, sampled, touches, found[:, 3], found[:, 4:])
+    return SourceSkin(target, sampled, touches, found[:, 3], coordinates)
 
 
 def _passing(
@@ -199,15 +197,20 @@ def _passing(
     return passing(speed, np.searchsorted(sampled, frame), of_place, skin.height)
 
 
-def _touch(
-    skin: Skin, depths: Array, places: Array, frame: Numbers, limb: Numbers, segment: Numbers
-) -> tuple[Array, Array]:
-    """The gaps of limbs, or their hands, to segments' places, (n,) [file units], and where they are nearest, (n, 3)."""
+def _gaps(depths: Array, frame: Numbers, limb: Numbers, segment: Numbers) -> Array:
+    """The gaps of limbs, or their hands, to segments' places, (n,) [file units]."""
     of_arm = np.maximum(depths[frame, limb], depths[frame, HAND[limb]])
     of_place = np.where(PLACE_OF[segment][:, None] == PLACE_OF, of_arm, -np.inf)
-    segment = np.where(PART_OF[segment][:, None] == PART_OF, of_arm, -np.inf).argmax(axis=1)
-    limb = np.where(depths[frame, HAND[limb], segment] > depths[frame, limb, segment], HAND[limb], limb)
-    return -of_place.max(axis=1, initial=-np.inf), skin.frames.coordinates(segment, places[frame, limb, segment])
+    return np.asarray(-of_place.max(axis=1, initial=-np.inf))
+
+
+def _coordinates(skin: Skin, motion: Motion, frames: Numbers, limbs: Numbers, segments: Numbers) -> Array:
+    """Where the middles of limbs are on the parts of segments in frames, (n, 3), as `PartFrames.coordinates`: not their
+    nearest points, since these differ by the width of a hand where it lies flat.
+    """
+    joints, on = skin.frames.joints[limbs], skin.frames.joints[segments]
+    off = _seen_from(motion, frames, joints, on, skin.middles[limbs])
+    return skin.frames.coordinates(segments, skin.frames.rest[segments] + off)
 
 
 def _around_changes(sampled: Numbers, touches: Numbers) -> Numbers:
@@ -219,15 +222,13 @@ def _around_changes(sampled: Numbers, touches: Numbers) -> Numbers:
     return np.concatenate([np.zeros(0, np.intp), *spans])
 
 
-def _depths(
-    skin: Skin, motion: Motion, frames: Numbers, reach: Array, separate: Flags | None = None
-) -> tuple[Array, Array, Array]:
+def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[Array, Array]:
     """`find_depths` in some frames; of two limbs, the depths of either in the other are both the larger one."""
     posed = motion.positions[frames], world_rotations(motion.skeleton.parents, motion.rotations[frames])
     reach = np.where(reach >= 0.0, np.maximum(reach, BESIDE_POINTS / 100.0 * skin.height), reach)
     grazing = GRAZING / 100.0 * skin.height
-    depths, places, inside = find_depths(skin.patches, skin.solids, posed, reach, grazing, separate)
-    return _larger_of_both_orders(depths), places, inside
+    depths, inside = find_depths(skin.patches, skin.solids, posed, reach, grazing)
+    return _larger_of_both_orders(depths), inside
 
 
 def _larger_of_both_orders(values: Array) -> Array:
@@ -251,7 +252,7 @@ def relative_speeds(motion: Motion, frames: Numbers, joints: Numbers, on: Number
     """Return the speeds of joints in the axes of the joints that they are `on`, in frames, (n,) each [file units/s]."""
     reach = max(round(SPEED_SPAN / motion.frame_time), 1)
     ends = np.maximum(frames - reach, 0), np.minimum(frames + reach, len(motion) - 1)
-    before, after = (_seen_from(motion, at, joints, on) for at in ends)
+    before, after = (_seen_from(motion, at, joints, on, np.zeros((len(on), 3))) for at in ends)
     return np.asarray(lengths(after - before) / (np.maximum(ends[1] - ends[0], 1) * motion.frame_time))
 
 
@@ -270,15 +271,18 @@ def passing(speed: Array, rows: Numbers, pairs: Numbers, height: float) -> Flags
     return passes
 
 
-def _seen_from(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers) -> Array:
-    """(n, 3), the positions of joints in the axes of the joints that they are `on`."""
-    result = np.zeros((len(frames), 3))
+def _seen_from(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers, offsets: Array) -> Array:
+    """(n, 3), points in the axes of the joints that they are `on`; `offsets`, (n, 3), are theirs from `joints`, in the
+    axes of these.
+    """
+    seen = motion.positions[frames, joints] - motion.positions[frames, on]
+    for joint in np.unique(joints[offsets.any(axis=1)]).tolist():
+        own = np.flatnonzero(joints == joint)
+        seen[own] += Rotation.from_quat(motion.world_rotations_of(joint)[frames[own]]).apply(offsets[own])
     for joint in np.unique(on).tolist():
         own = np.flatnonzero(on == joint)
-        at = frames[own]
-        off = motion.positions[at, joints[own]] - motion.positions[at, joint]
-        result[own] = Rotation.from_quat(motion.world_rotations_of(joint)[at]).apply(off, inverse=True)
-    return result
+        seen[own] = Rotation.from_quat(motion.world_rotations_of(joint)[frames[own]]).apply(seen[own], inverse=True)
+    return np.asarray(seen)
 
 
 def hanging_gaps(body: Body, u: Numbers, v: Numbers) -> Array:

@@ -69,7 +69,7 @@ class SkinnedMesh:
             part_of: (joints,), the part of each joint; -1 for none.
             triangles: (n, 3), indices of vertices.
         """
-        parts = part_of[self.joints[triangles]].reshape(len(triangles), -1)
+        parts = part_of[self.joints[triangles]].reshape(len(triangles), 3 * self.joints.shape[1])
         weights = self.weights[triangles].reshape(parts.shape)
         shares = np.stack([((parts == each[:, None]) * weights).sum(axis=1) for each in parts.T], axis=1)
         return with_largest_share(parts, shares)
