@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, side_and_part, trunk_roles
+from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, opposite, side_and_part, trunk_roles
 from distretarget.body.axes import Directions, direction
 from distretarget.body.conventions import NamedTree
 from distretarget.body.limbs import foot_bone
@@ -166,12 +166,10 @@ def with_correct_sides(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -
         return anatomy
     left = cross(shown.trunk, front_shown(skeleton, anatomy, positions))
     wrong = "legs" if (hips * left).sum() < 0.0 else "arms"
-    other = dict(zip(SIDES, SIDES[::-1], strict=True))
     roles = {}
     for role, joint in anatomy.roles.items():
-        side, part = side_and_part(role)
-        of_limb = side and (part in LEG) == (wrong == "legs")
-        roles[other[side] + part if of_limb else role] = joint
+        is_wrong = (side_and_part(role)[1] in LEG) == (wrong == "legs")
+        roles[opposite(role) if is_wrong else role] = joint
     return replace(anatomy, roles=roles, swapped_sides=wrong)
 
 
