@@ -35,7 +35,7 @@ from distretarget.cli.outputs import (
 )
 from distretarget.cli.skeleton import headline, unused
 from distretarget.contact_entries import NO_CONTACTS
-from distretarget.errors import DistretargetError, FileError, MotionError, quoted
+from distretarget.errors import DistretargetError, FileError, in_file, quoted
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
@@ -44,7 +44,7 @@ from distretarget.io.input_file import OUTPUTS, InputFile, load_file
 from distretarget.io.motion_writer import content_of, output_kind
 from distretarget.io.reading import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
-from distretarget.motion import Motion
+from distretarget.motion import Motion, check_usable
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import Conversion, Recipe, argument
 from distretarget.report.clip_page import run_page
@@ -181,9 +181,9 @@ def _source_motion(source: InputFile, target: InputFile, recipe: Recipe) -> tupl
     """The motion of the source, and what is left out; if only the target has a motion, the error tells their order."""
     try:
         motion, lost = recipe.read(source)
-        if len(motion):
-            return motion, lost
-        raise MotionError("the source has no frames; there is nothing to retarget", source.path)
+        with in_file(source.path):
+            check_usable(motion, "the source")
+        return motion, lost
     except DistretargetError:
         if _has_motion(source) or not _has_motion(target):
             raise

@@ -90,7 +90,7 @@ class Matching:
     def source_motion(self) -> Motion:
         """The motion of the source; a MotionError if it has none."""
         if self.source.motion is None:
-            raise MotionError("the source has no frames; there is nothing to retarget")
+            raise MotionError("the source has no frames; expected one or more")
         return self.source.motion
 
     @property
