@@ -113,7 +113,7 @@ class Reference:
         off = direction_error(self._directions, result, bones)
         tracks = {
             "contact_error": contacts.track,
-            **self._skin.in_result(result).tracks,
+            **self._skin.in_result(result),
             "direction_error": Track(off, parts=skeleton.keys_of(skeleton.parents[bones])),
             **self._feet.in_result(result, supports),
             "support_skate": Track(supports.skate, supports.rest, skeleton.keys_of(supports.joints)),
