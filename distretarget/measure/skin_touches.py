@@ -1,4 +1,6 @@
-"""Depths of limbs in a body, and errors of gaps between skins that touch in the source, not hanging or passing by."""
+"""The skin of a result: how deep parts of a body sink into others, and how well it keeps the gaps where skins touch in
+the source; arms that hang beside the body there, and hands that pass by, do not count as touching.
+"""
 
 from __future__ import annotations
 
@@ -54,7 +56,9 @@ class SourceSkin:
     coordinates: Array  # (touches, 3), the place on the segment, as `PartFrames.coordinates`
 
     def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
-        """Return it without touches that a user drops, of hands with forearms; `of_joint` has the target's segments."""
+        """Return it without touches that a user drops; those of a forearm go with its hand's. `of_joint` has the
+        segment of each joint of the target, or -1.
+        """
         sample, limb, segment = self.touches
         is_left = np.ones(len(self.gaps), bool)
         for drop in drops:
@@ -205,7 +209,9 @@ def _depths(
 
 
 def _larger_of_both_orders(values: Array) -> Array:
-    """Make values, (frames, parts, segments), of two limbs those of the order in which they are larger."""
+    """Write the larger of two values, (frames, parts, segments), to both: of one limb against another, and of this
+    against the first.
+    """
     between = values[:, : len(LIMBS), : len(LIMBS)]  # the first parts, and the first segments, are the limbs
     between[:] = np.maximum(between, between.transpose(0, 2, 1))
     return values
