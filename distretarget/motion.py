@@ -369,6 +369,15 @@ def check_reach(motion: Motion, name: str) -> None:
         raise MotionError(f"{name} has positions beyond {LARGEST:g}; its OFFSETs or position channels must be wrong")
 
 
+def check_usable(motion: Motion, name: str) -> None:
+    """Raise a MotionError if a motion has no frames, no bone with a length, or positions as in `check_reach`."""
+    if not len(motion):
+        raise MotionError(f"{name} has no frames; expected one or more")
+    check_reach(motion, name)
+    if not motion.rigid_skeleton.lengths.max() >= SMALLEST:
+        raise MotionError(f"no bone of {name} has a length, at least {SMALLEST:g}; export it with its bones")
+
+
 def motion_of_world(
     skeleton: Skeleton, frames: int, frame_time_text: str, pose: Callable[[slice, Array], Array]
 ) -> Motion:

@@ -163,7 +163,7 @@ def test_faults_are_listed_and_the_exit_status_says_so():
     [
         (["none"], 2, "none: there is no such file or folder"),
         (["empty"], 1, "there are no clips"),
-        (["clips", "--limit", "skate=1"], 2, "did you mean 'skating'"),
+        (["clips", "--limit", "skate=1"], 2, "found 'skate=1'"),
         (["clips", "--limit", "cuts=x"], 2, "found 'x'"),
         (["clips", "--table", "audit.txt"], 1, ".csv"),
     ],

@@ -54,7 +54,7 @@ def failed(name="bad.bvh", error="no reason", **others):
 
 def batch_of(*records, links=None):
     """What the page has of some clips."""
-    return embedded(index_page(records, links or {}, "title"), "batch")
+    return embedded(index_page(records, links or {}, "title", {}), "batch")
 
 
 def rows_of(*records, links=None):
@@ -65,9 +65,9 @@ def rows_of(*records, links=None):
 
 def test_names_of_all_kinds_stay_text():
     one = failed(NASTY, NASTY, target=NASTY, warnings=[NASTY])
-    text = index_page([one], {NASTY: NASTY}, NASTY)
+    text = index_page([one], {NASTY: NASTY}, NASTY, {})
     assert text.encode("utf-8")
-    plain = index_page([failed()], {}, "title")
+    plain = index_page([failed()], {}, "title", {})
     for mark in ("<script", "</script", "<!--", "<b>"):
         assert text.count(mark) == plain.count(mark)
     batch = embedded(text, "batch")
@@ -96,7 +96,7 @@ def test_links_are_quoted(path, url):
 
 
 def test_the_page_is_one_file_that_asks_for_nothing():
-    text = index_page([record(), failed()], {"a.bvh": "a.html"}, "title")
+    text = index_page([record(), failed()], {"a.bvh": "a.html"}, "title", {})
     assert not re.search(r"https?:", text)
     assert len(check_it_asks_for_nothing(text)) == 1  # without clips to play, no library
 
@@ -148,7 +148,7 @@ def test_a_clip_takes_few_bytes():
     def size(count):
         names = [f"folder/clip_{k:05}.bvh" for k in range(count)]
         records = [record(name, warnings=["w" * 300], input=f"/{'long/' * 30}{name}", version="1") for name in names]
-        return len(index_page(records, {name: f"{name}.html" for name in names}, "title").encode())
+        return len(index_page(records, {name: f"{name}.html" for name in names}, "title", {}).encode())
 
     assert (size(1100) - size(100)) / 1000 < 300
 

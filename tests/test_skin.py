@@ -12,9 +12,10 @@ from scipy.spatial.transform import Rotation
 from distretarget import Motion, retarget
 from distretarget.body.body import Body
 from distretarget.body.segments import find_segments
+from distretarget.measure import skin_touches
 from distretarget.measure.skin import SkinPoints, find_skin, one_by_one, points_of_mesh
 from distretarget.measure.skin_depths import PARTS, find_depths
-from distretarget.measure.skin_touches import FARTHEST, TOUCHING, find_source_skin
+from distretarget.measure.skin_touches import FARTHEST, TOUCHING, VISIBLE, find_source_skin
 from distretarget.measure.solids import solids_of_mesh
 from distretarget.numerics.vectors import normalised
 from distretarget.skin.capsules import SEGMENTS, Capsules, no_capsules
@@ -74,19 +75,25 @@ def test_a_hand_in_the_belly_is_as_deep_as_known(meshed):
     found = measured(find_skin(BODY, capsules, mesh if meshed else None), motion)
     known = 100 / BODY.height * np.maximum(known_depths(motion), 0.0)
     assert known.max() > 3
-    np.testing.assert_allclose(found.deepest[:, 0], known, atol=0.3)
-    np.testing.assert_array_equal(found.deepest[:, 1:], 0)
-    np.testing.assert_array_equal(found.inside[known == 0], 0)
-    assert (found.inside[known > 0.5] > 0).all()
+    np.testing.assert_allclose(found["skin_depth"].values[:, 0], known, atol=0.3)
+    np.testing.assert_array_equal(found["skin_depth"].values[:, 1:], 0)
+    np.testing.assert_array_equal(found["skin_frames"].values[known == 0], 0)
+    assert (found["skin_frames"].values[known > 0.5] > 0).all()
 
 
-def test_the_share_inside_is_that_of_the_vertices():
+@pytest.mark.parametrize("visible", [1.0, 5.0, 10.0, 20.0])
+def test_frames_with_skin_inside_are_those_with_more_than_a_share_of_the_vertices_inside(visible, monkeypatch):
+    monkeypatch.setattr(skin_touches, "VISIBLE", visible)
     mesh, _ = round_body()
     skin, motion = find_skin(BODY, no_capsules(), mesh), bending()
     left = mesh.joints[:, 0] == HANDS[0]
     away = mesh.posed(motion, np.flatnonzero(left)) - motion.positions[:, None, ROLES["hips"]]
     share = 50 * (np.linalg.norm(away, axis=2) < BELLY).mean(axis=1)  # the other half is the right hand's
-    np.testing.assert_allclose(measured(skin, motion).inside, share, atol=2.5)
+    assert share.max() > visible + 2.5
+    found = measured(skin, motion)["skin_frames"].values
+    np.testing.assert_array_equal(found[share > visible + 2.5], 100)
+    np.testing.assert_array_equal(found[share < visible - 2.5], 0)
+    np.testing.assert_array_equal(found[share == 0], 0)
 
 
 @pytest.mark.parametrize(("depth", "inside"), [(0.06, False), (1.0, True)])
@@ -96,7 +103,7 @@ def test_a_hand_that_lies_on_the_skin_is_not_inside(depth, inside):
     at = int(np.flatnonzero(depths > 1)[0])
     capsules.radii[0] -= (depths[at] - depth) * BODY.height / 100  # the belly, so that the hand is as deep as wanted
     found = measured(find_skin(BODY, capsules), motion[at : at + 1])
-    assert (found.inside[0] > 0) == inside
+    assert (found["skin_frames"].values[0] > 0) == inside
 
 
 def test_nothing_is_inside_in_the_bind_pose_and_what_is_does_not_count():
@@ -104,7 +111,7 @@ def test_nothing_is_inside_in_the_bind_pose_and_what_is_does_not_count():
     thick = replace(capsules, radii=np.array([[1.0, 1.0], [HAND, HAND], [HAND, HAND]]))
     for skin in (find_skin(BODY, capsules), find_skin(BODY, no_capsules(), mesh), find_skin(BODY, thick)):
         found = measured(skin, REST)
-        assert found.inside.sum() == found.deepest.sum() == 0
+        assert found["skin_frames"].values.sum() == found["skin_depth"].values.sum() == 0
 
 
 @pytest.mark.parametrize("turn", [UPRIGHT, Rotation.from_euler("XYZ", [20, 50, 170], degrees=True)])
@@ -114,16 +121,16 @@ def test_size_and_place_in_the_world_do_not_matter(turn):
     skeleton = PERSON.with_offsets(64.0 * PERSON.offsets)
     one = measured(find_skin(BODY, no_capsules(), mesh), bending())
     other = measured(find_skin(Body.of(skeleton), no_capsules(), large), bending(skeleton, turn))
-    np.testing.assert_allclose(other.deepest, one.deepest, atol=1e-6)
-    np.testing.assert_allclose(other.inside, one.inside, atol=1e-6)
+    np.testing.assert_allclose(other["skin_depth"].values, one["skin_depth"].values, atol=1e-6)
+    np.testing.assert_allclose(other["skin_frames"].values, one["skin_frames"].values, atol=1e-6)
 
 
 def test_another_mesh_of_the_same_body_measures_the_same():
     fine, coarse = (
         measured(find_skin(BODY, no_capsules(), round_body(rings=rings)[0]), bending()) for rings in (40, 16)
     )
-    np.testing.assert_allclose(fine.deepest, coarse.deepest, atol=0.4)
-    np.testing.assert_allclose(fine.inside, coarse.inside, atol=5)
+    np.testing.assert_allclose(fine["skin_depth"].values, coarse["skin_depth"].values, atol=0.4)
+    np.testing.assert_allclose(fine["skin_frames"].values, coarse["skin_frames"].values, atol=5)
 
 
 def depths_in(mesh, places, motion):
@@ -203,7 +210,7 @@ def test_loose_points_and_open_sheets_have_no_inside():
 
 def test_a_body_without_skin_has_no_metrics():
     found = measured(find_skin(BODY, no_capsules()), bending())
-    assert found.inside.size == found.deepest.size == found.gap_error.size == 0
+    assert found["skin_frames"].values.size == found["skin_depth"].values.size == found["skin_gap"].values.size == 0
 
 
 # ---- contacts
@@ -218,11 +225,11 @@ def test_the_gap_of_a_contact_is_kept_or_not():
     gaps = -100 / BODY.height * known_depths(motion)
     touch = int(np.flatnonzero(gaps < 0)[0])
     found = measured(skin, motion, source=still(motion, touch, len(motion)))
-    np.testing.assert_array_equal(found.touching, np.tile([1, 0, 0, 0], (len(motion), 1)))
+    np.testing.assert_array_equal(found["touch_missed"].counts, np.tile([1, 0, 0, 0], (len(motion), 1)))
     np.testing.assert_allclose(
-        found.gap_error[:, 0], np.maximum(np.minimum(gaps, FARTHEST), gaps[touch] - gaps), atol=0.4
+        found["skin_gap"].values[:, 0], np.maximum(np.minimum(gaps, FARTHEST), gaps[touch] - gaps), atol=0.4
     )
-    assert found.gap_error[touch, 0] == 0
+    assert found["skin_gap"].values[touch, 0] == 0
 
 
 def test_gaps_are_in_proportion_to_the_bodies():
@@ -230,8 +237,8 @@ def test_gaps_are_in_proportion_to_the_bodies():
     skeleton = PERSON.with_offsets(3.0 * PERSON.offsets)
     large = find_skin(Body.of(skeleton), round_body(scale=3.0)[1])
     found = find_source_skin(motion, BODY, skin, large).in_result(bending(skeleton))
-    assert found.touching.any()
-    np.testing.assert_allclose(found.gap_error, 0, atol=1e-9)
+    assert found["touch_missed"].counts.any()
+    np.testing.assert_allclose(found["skin_gap"].values, 0, atol=1e-9)
 
 
 def test_a_hanging_arm_touches_nothing():
@@ -241,8 +248,8 @@ def test_a_hanging_arm_touches_nothing():
     rotations = np.tile(PERSON.rest_rotations, (1, 1, 1))
     rotations[0, ROLES["leftUpperArm"]] = Rotation.from_euler("Z", -90, degrees=True).as_quat()
     hanging = Motion(PERSON, PERSON.rest_positions[:1], rotations, "0.0333333")
-    assert measured(skin, hanging).deepest[0, 0] > 0
-    assert not measured(skin, hanging).touching.any()
+    assert measured(skin, hanging)["skin_depth"].values[0, 0] > 0
+    assert not measured(skin, hanging)["touch_missed"].counts.any()
 
 
 def arms_in_front(*bends):
@@ -258,9 +265,11 @@ def test_two_hands_touch_each_other_once_each():
     _, capsules = round_body()
     clap = arms_in_front(110)
     found = measured(find_skin(BODY, capsules), clap)
-    np.testing.assert_array_equal(found.touching, [[1, 1, 0, 0]])
+    np.testing.assert_array_equal(found["touch_missed"].counts, [[1, 1, 0, 0]])
     apart = np.linalg.norm(clap.positions[0, HANDS[0]] - clap.positions[0, HANDS[1]])
-    np.testing.assert_allclose(found.deepest, 100 / BODY.height * np.array([[2 * HAND - apart] * 2 + [0, 0]]), atol=0.3)
+    np.testing.assert_allclose(
+        found["skin_depth"].values, 100 / BODY.height * np.array([[2 * HAND - apart] * 2 + [0, 0]]), atol=0.3
+    )
 
 
 def with_forearms(share):
@@ -278,15 +287,17 @@ def with_forearms(share):
 def test_hands_that_are_apart_are_off_by_their_gap_whatever_else_the_arms_have():
     clap, apart = arms_in_front(110), arms_in_front(100)
     found = measured(find_skin(BODY, with_forearms(0.2)), apart, source=clap)
-    np.testing.assert_array_equal(found.touching, [[1, 1, 0, 0]])
+    np.testing.assert_array_equal(found["touch_missed"].counts, [[1, 1, 0, 0]])
     gap = np.linalg.norm(apart.positions[0, HANDS[0]] - apart.positions[0, HANDS[1]]) - 2 * HAND
     assert gap > 0.1
-    np.testing.assert_allclose(found.gap_error[0, :2], np.minimum(100 / BODY.height * gap, FARTHEST), rtol=0.05)
+    np.testing.assert_allclose(
+        found["skin_gap"].values[0, :2], np.minimum(100 / BODY.height * gap, FARTHEST), rtol=0.05
+    )
     clap = arms_in_front(110)
     source_skin, skin = find_skin(BODY, with_forearms(1.0)), find_skin(BODY, with_forearms(0.2))
     found = measured(skin, clap, source_skin, clap)
-    np.testing.assert_array_equal(found.touching, [[1, 1, 1, 1]])
-    np.testing.assert_allclose(found.gap_error, 0, atol=0.3)
+    np.testing.assert_array_equal(found["touch_missed"].counts, [[1, 1, 1, 1]])
+    np.testing.assert_allclose(found["skin_gap"].values, 0, atol=0.3)
 
 
 def swinging(*bends):
@@ -314,8 +325,8 @@ def test_a_touch_holds_while_its_gap_is_as_far_off_as_a_touch_may_be():
     source_skin = find_skin(BODY, thinner(capsules, 0.8 - nearest))
     skin = find_skin(BODY, thinner(capsules, 1.5 - nearest))
     found = measured(skin, motion, source_skin, motion)
-    assert 0 < found.touching[:, 0].sum() < len(motion)
-    np.testing.assert_allclose(found.gap_error[found.touching > 0], 0.7, atol=0.05)
+    assert 0 < found["touch_missed"].counts[:, 0].sum() < len(motion)
+    np.testing.assert_allclose(found["skin_gap"].values[found["touch_missed"].counts > 0], 0.7, atol=0.05)
 
 
 # ---- in a run
@@ -350,9 +361,8 @@ def test_winding_numbers_of_the_mesh_agree():
     hands = np.flatnonzero(mesh.joints[:, 0] != ROLES["hips"])
     posed = mesh.posed(motion)
     share = np.array([100 * (igl.winding_number(each, of_hips, each[hands]) > 0.5).mean() for each in posed])
-    found = measured(skin, motion).inside
-    np.testing.assert_allclose(found, share, atol=2.5)
-    assert (found[share > 3] > 1).all()
+    found = measured(skin, motion)["skin_frames"].values
+    np.testing.assert_array_equal(found[share > VISIBLE + 2.5], 100)
     np.testing.assert_array_equal(found[share == 0], 0)
 
 
@@ -369,9 +379,11 @@ def test_frames_between_those_that_are_measured_hold_the_last():
     )
     some, all_of_them = reference.in_result(fast), every.in_result(fast)
     assert len(reference.sampled) < 0.5 * len(fast)
-    np.testing.assert_array_equal(some.deepest[reference.sampled], all_of_them.deepest[reference.sampled])
+    np.testing.assert_array_equal(
+        some["skin_depth"].values[reference.sampled], all_of_them["skin_depth"].values[reference.sampled]
+    )
     last = np.searchsorted(reference.sampled, np.arange(len(fast)), side="right") - 1
-    np.testing.assert_array_equal(some.deepest, all_of_them.deepest[reference.sampled[last]])
+    np.testing.assert_array_equal(some["skin_depth"].values, all_of_them["skin_depth"].values[reference.sampled[last]])
     touching = known_depths(fast) > -TOUCHING / 100.0 * BODY.height
     edges = np.flatnonzero(np.diff(touching)) + 1
     assert len(edges)
@@ -399,8 +411,8 @@ def test_an_upper_arm_in_the_trunk_is_as_deep_as_known_and_its_top_does_not_coun
     known = 100 / BODY.height * np.maximum(radius + 0.05 - np.linalg.norm(places - rest[chest], axis=1), 0.0)
     found = measured(find_skin(BODY, capsules), motion)
     assert known.max() > 3
-    np.testing.assert_allclose(found.deepest_parts[:, 0], known, atol=0.4)
-    np.testing.assert_array_equal(found.deepest, 0)
+    np.testing.assert_allclose(found["part_depth"].values[:, 0], known, atol=0.4)
+    np.testing.assert_array_equal(found["skin_depth"].values, 0)
 
 
 # ---- what need not be looked at
@@ -448,10 +460,10 @@ def test_what_is_off_the_box_of_a_group_changes_nothing(meshed):
     endless = skin.solids._replace(boxes=np.tile([-9.0, -9.0, -9.0, 9.0, 9.0, 9.0], (len(skin.solids.balls), 1)))
     without = measured(replace(skin, solids=endless), motion)
     found = measured(skin, motion)
-    assert found.deepest.max() > 3
-    np.testing.assert_allclose(found.deepest, without.deepest, atol=1e-9)
-    np.testing.assert_allclose(found.gap_error, without.gap_error, atol=1e-9)
-    np.testing.assert_array_equal(found.inside, without.inside)
+    assert found["skin_depth"].values.max() > 3
+    np.testing.assert_allclose(found["skin_depth"].values, without["skin_depth"].values, atol=1e-9)
+    np.testing.assert_allclose(found["skin_gap"].values, without["skin_gap"].values, atol=1e-9)
+    np.testing.assert_array_equal(found["skin_frames"].values, without["skin_frames"].values)
 
 
 def test_a_point_inside_is_as_deep_as_the_nearest_skin_whichever_joint_moves_that():

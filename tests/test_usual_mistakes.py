@@ -5,7 +5,8 @@ import shutil
 import gltf_player
 import numpy as np
 import pytest
-from bodies import HERO, SAMPLES, sample
+from bodies import HERO, SAMPLES, person, sample
+from fbx_text import Node, fbx
 from program import refused
 from program import run as run_program
 
@@ -66,13 +67,13 @@ def test_merged_clips_in_place_keep_their_paths(folder):
     [
         (
             "hero.glb clips/walk.bvh -o out.glb",
-            "clips/walk.bvh: is BVH and cannot be written as .glb; if 'hero.glb' is the target, it comes last: "
-            "distretarget clips/walk.bvh hero.glb -o out.glb",
+            "hero.glb: has no motion, expected one as SOURCE; if it is the target, it comes last: "
+            "distretarget clips/walk.bvh hero.glb -o OUT.glb",
         ),
         ("hero.glb child.json -o out.bvh", "hero.glb: has no animation; expected a file with a motion"),
         (
             "hero.glb clips/walk.bvh -o out.bvh",
-            "hero.glb: has no animation, expected a motion as SOURCE; if it is the target, it comes last: distretarget "
+            "hero.glb: has no motion, expected one as SOURCE; if it is the target, it comes last: distretarget "
             "clips/walk.bvh hero.glb -o OUT.glb",
         ),
         (
@@ -96,7 +97,18 @@ def test_a_character_before_its_animation_is_told_to_come_last(folder):
     (folder / "hero.vrm").write_bytes((folder / "hero.glb").read_bytes())
     run("clips/walk.bvh hero.glb -o walk.vrma")
     done = run("hero.vrm walk.vrma -o out.vrm")
-    assert "walk.vrma: is a VRM animation and cannot be written as .vrm; if 'hero.vrm' is the target" in done.stderr
+    assert "hero.vrm: has no motion, expected one as SOURCE; if it is the target, it comes last" in done.stderr
+
+
+def test_the_animation_of_a_character_is_for_characters_in_fbx_too(folder):
+    pytest.importorskip("ufbx")
+    run("clips/walk.bvh hero.glb -o walking.glb")
+    body = person()
+    joints = zip(body.names, body.parents, body.offsets, strict=True)
+    bones = [Node(name, int(parent), T=tuple(100.0 * offset)) for name, parent, offset in joints]
+    (folder / "bones.fbx").write_bytes(fbx(bones))
+    assert "bones.fbx: has no mesh to write; write .bvh" in refused("walking.glb", "bones.fbx", "-o", "out.glb")
+    run("walking.glb bones.fbx -o out.bvh")
 
 
 def test_a_target_of_another_program_is_called_by_its_name(folder):

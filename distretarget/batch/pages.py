@@ -11,7 +11,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path, PurePath
-from types import MappingProxyType
 from typing import Any
 from urllib.parse import quote
 
@@ -63,8 +62,7 @@ def _row(record: BatchRecord) -> dict[str, Any]:
     """The row of a clip by column; None for missing values."""
     texts = {name: record.get(name) or None for name in (*TEXTS, *HASHES)}
     lists = {name: SEPARATOR.join(record[name]) or None for name in ("warnings", "notes")}
-    metrics = {name: number if number is None else float(f"{number:.7g}") for name, number in record["metrics"].items()}
-    return {**texts, "frames": record["frames"], **lists, **metrics}
+    return {**texts, "frames": record["frames"], **lists, **record["metrics"]}
 
 
 def _parquet(rows: Iterable[dict[str, Any]]) -> bytes:
@@ -190,10 +188,7 @@ def _part(path: Path, size: int) -> bytes:
 
 
 def index_page(
-    records: Sequence[BatchRecord],
-    links: Mapping[str, str],
-    title: str,
-    stages: Mapping[str, object] = MappingProxyType({}),
+    records: Sequence[BatchRecord], links: Mapping[str, str], title: str, stages: Mapping[str, object]
 ) -> str:
     """The HTML of the page over clips, from their records; `links` to reports, and player data, are by output."""
     table = _index_data(records, links, [*stages])

@@ -81,15 +81,19 @@ class Anatomy:
     @property
     def mirrored(self) -> Anatomy:
         """The same anatomy with left and right exchanged."""
-        other = {"left": "right", "right": "left", "": ""}
-        sides_and_parts = map(side_and_part, self.roles)
-        return replace(self, roles={other[side] + part: self.roles[side + part] for side, part in sides_and_parts})
+        return replace(self, roles={opposite(role): joint for role, joint in self.roles.items()})
 
 
 def side_and_part(role: str) -> tuple[str, str]:
     """Return the side of a role, empty for a part of the trunk, and the role without it."""
     side = next((side for side in SIDES if role.startswith(side)), "")
     return side, role.removeprefix(side)
+
+
+def opposite(role: str) -> str:
+    """Return the role on the other side; the role itself for a part of the trunk."""
+    side, part = side_and_part(role)
+    return SIDES[side == "left"] + part if side else role
 
 
 def trunk_roles(hips: int, spine: Sequence[int], neck: Sequence[int], head: int | None) -> dict[str, int]:

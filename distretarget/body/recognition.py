@@ -10,7 +10,7 @@ from itertools import product
 
 import numpy as np
 
-from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, side_and_part, trunk_roles
+from distretarget.body.anatomy import ARM, FINGERS, LEG, SIDES, Anatomy, opposite, side_and_part, trunk_roles
 from distretarget.body.axes import Directions, direction
 from distretarget.body.conventions import NamedTree
 from distretarget.body.limbs import foot_bone
@@ -162,16 +162,14 @@ def with_correct_sides(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -
     """
     shown = Directions(anatomy, positions)
     shoulders, hips = (shown.across(part) for part in ("UpperArm", "UpperLeg"))
-    if shoulders is None or hips is None or _cosine(shoulders, hips) > OPPOSITE:
+    if shoulders is None or hips is None or (normalised(shoulders) * normalised(hips)).sum(axis=1).mean() > OPPOSITE:
         return anatomy
     left = cross(shown.trunk, front_shown(skeleton, anatomy, positions))
     wrong = "legs" if (hips * left).sum() < 0.0 else "arms"
-    other = dict(zip(SIDES, SIDES[::-1], strict=True))
     roles = {}
     for role, joint in anatomy.roles.items():
-        side, part = side_and_part(role)
-        of_limb = side and (part in LEG) == (wrong == "legs")
-        roles[other[side] + part if of_limb else role] = joint
+        is_wrong = (side_and_part(role)[1] in LEG) == (wrong == "legs")
+        roles[opposite(role) if is_wrong else role] = joint
     return replace(anatomy, roles=roles, swapped_sides=wrong)
 
 
@@ -185,16 +183,7 @@ def front_shown(skeleton: Skeleton, anatomy: Anatomy, positions: Array) -> Array
     legs = [anatomy.joints(*(side + part for part in LEG[:3])) for side in SIDES]
     if any(len(leg) < 3 for leg in legs):
         return np.zeros((len(positions), 3))
-    x = [positions[:, leg] for leg in legs]
-    ahead = np.mean([(each[:, 1] - 0.5 * (each[:, 0] + each[:, 2])) / _hip_to_ankle(each) for each in x], axis=0)
+    hips, knees, ankles = (positions[:, joints] for joints in zip(*legs, strict=True))  # (frames, legs, 3)
+    hip_to_ankle = np.maximum(lengths(ankles - hips).mean(axis=0), 1e-300)
+    ahead = ((knees - 0.5 * (hips + ankles)) / hip_to_ankle[:, None]).mean(axis=1)
     return ahead if lengths(ahead).mean() > BENT else np.zeros_like(ahead)
-
-
-def _hip_to_ankle(leg: Array) -> float:
-    """The mean distance of hip and ankle; above 0."""
-    return max(float(lengths(leg[:, 2] - leg[:, 0]).mean()), 1e-300)
-
-
-def _cosine(one: Array, other: Array) -> float:
-    """The mean cosine of the angle between vectors, (frames, 3) each."""
-    return float((normalised(one) * normalised(other)).sum(axis=1).mean())

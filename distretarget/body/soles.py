@@ -47,6 +47,10 @@ FLAT = 0.1
 NEAR = np.cos(np.radians(45))  # a sole is within this angle of the one that rest pose or joints show [cosine]
 
 
+Normals = tuple[Array, ...]
+"""The normals of the soles of left and right foot, (3,) each, in the axes of the ankles."""
+
+
 @dataclass(frozen=True, eq=False)
 class Sole:
     """The sole of a foot, in the axes of its ankle: a plane through the lowest of the foot's joints and End Sites."""
@@ -101,9 +105,7 @@ class Sole:
         return replace(self, normal=np.asarray(up), known=True)
 
 
-def find_soles(
-    body: Body, legs: Legs, pose: Pose | None = None, normals: tuple[Array, Array] | None = None
-) -> tuple[Sole, Sole]:
+def find_soles(body: Body, legs: Legs, pose: Pose | None = None, normals: Normals | None = None) -> tuple[Sole, ...]:
     """Return the soles of both feet; toes are turned as in `pose`, the reference pose if not given.
 
     The rest pose shows how a foot stands if a person can stand in it and the foot does not hang. Otherwise both feet
@@ -119,14 +121,12 @@ def find_soles(
         soles = soles if pitch is None else [sole.pitched(pitch) for sole in soles]
     if normals is not None:
         return with_normals(soles, normals)
-    left, right = soles
-    return left, right
+    return tuple(soles)
 
 
-def with_normals(soles: Sequence[Sole], normals: Sequence[Array]) -> tuple[Sole, Sole]:
-    """Return the soles of both feet with these normals, (3,) each, marked as known."""
-    left, right = (replace(sole, normal=normal, known=True) for sole, normal in zip(soles, normals, strict=True))
-    return left, right
+def with_normals(soles: Sequence[Sole], normals: Normals) -> tuple[Sole, ...]:
+    """Return the soles of both feet with these normals, marked as known."""
+    return tuple(replace(sole, normal=normal, known=True) for sole, normal in zip(soles, normals, strict=True))
 
 
 def with_resting_feet(pose: Pose, body: Body, legs: Legs) -> Pose:
@@ -202,8 +202,8 @@ def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array,
     return normalised(np.median(to_ankle.apply(up), axis=0)), toe
 
 
-def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Array) -> tuple[Array, Array]:
-    """Return the normals of the soles of both legs from resting feet of a motion, (3,) each, in the axes of the ankles.
+def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Array) -> Normals:
+    """Return the normals of the soles of both legs from resting feet of a motion.
 
     Rest poses do not always show flat feet: rigs with splayed legs stand on the edges of their feet, and feet may hang.
     The normal is the median of up while ankle and toe rest, if its angles to the given `soles` are at most `PITCH` and
@@ -234,11 +234,10 @@ def _resting_turns(motion: Motion, legs: Legs, soles: Sequence[Sole], up: Array)
     return axes, angles + smoothstep((other - angles)[:, :1] / PITCH - 1.0) * (other - angles)
 
 
-def _turned(soles: Sequence[Sole], axes: Sequence[Array], angles: Array) -> tuple[Array, Array]:
-    """The normals of the soles of both feet, (3,) each, turned by angles about axes, as by `_resting_turns`."""
+def _turned(soles: Sequence[Sole], axes: Sequence[Array], angles: Array) -> Normals:
+    """The normals of the soles of both feet, turned by angles about axes, as by `_resting_turns`."""
     turns = Rotation.from_rotvec([own @ about for own, about in zip(angles, axes, strict=True)])
-    left, right = turns.apply([sole.normal for sole in soles])
-    return left, right
+    return tuple(turns.apply([sole.normal for sole in soles]))
 
 
 def leg_angles(legs: Legs, pose: Pose) -> Array:
@@ -252,8 +251,8 @@ def leg_angles(legs: Legs, pose: Pose) -> Array:
     return np.stack([np.arctan2(-foot[:, 1], out), np.arctan2(leg[:, 0], -leg[:, 1]), ahead], axis=1)
 
 
-def untilted_normals(body: Body, legs: Legs, soles: tuple[Sole, ...], tilts: Array) -> tuple[Array, Array] | None:
-    """Return the normals of the soles of both feet, (3,) each, without the tilt of the rest pose; None without a tilt.
+def untilted_normals(body: Body, legs: Legs, soles: tuple[Sole, ...], tilts: Array) -> Normals | None:
+    """Return the normals of the soles of both feet without the tilt of the rest pose; None without a tilt.
 
     A rest pose with splayed legs may stand on the edges of its feet, or its feet may hang, and so may those of another
     body in the same pose. `tilts`, (2, 2), are how much more the body's feet point down and its legs lean to the left
@@ -303,17 +302,17 @@ def level_on_floor(heights: Array, floor: float, rests: Flags, length: float) ->
 
 
 @rig_cached
-def flat_normals(body: Body, legs: Legs, soles: tuple[Sole, Sole], mesh: SkinnedMesh) -> tuple[Array, Array] | None:
-    """Return the normals of the soles of both feet as the body's mesh shows them, (3,) each, in the axes of the ankles;
-    None where one of the feet has no flat sole. `soles` are the soles that rest pose and joints show.
+def flat_normals(body: Body, legs: Legs, soles: tuple[Sole, ...], mesh: SkinnedMesh) -> Normals | None:
+    """Return the normals of the soles of both feet as the body's mesh shows them; None where one of the feet has no
+    flat sole. `soles` are the soles that rest pose and joints show.
 
     A foot rests on a face of its convex hull. Candidates are the faces near to those soles; the one whose direction is
     shared by most of the hull's surface is the sole. Up in a standing rest pose, or else the given normal, is preferred
     if half as much surface shares it.
     """
-    normals = [_flat_normal(body, leg.ankle, sole, mesh) for leg, sole in zip(legs, soles, strict=True)]
-    left, right = normals
-    return None if left is None or right is None else (left, right)
+    normals = (_flat_normal(body, leg.ankle, sole, mesh) for leg, sole in zip(legs, soles, strict=True))
+    found = tuple(normal for normal in normals if normal is not None)
+    return found if len(found) == len(legs) else None
 
 
 def _flat_normal(body: Body, ankle: int, sole: Sole, mesh: SkinnedMesh) -> Array | None:

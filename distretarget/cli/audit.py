@@ -11,19 +11,11 @@ from tqdm import tqdm
 
 from distretarget.batch.audit import LIMITS, AuditedClip, audit, audit_page, fault_text, summary_lines
 from distretarget.batch.plan import find_clips
-from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, parse_limit, quiet
+from distretarget.cli.options import CLIP_OPTION, OVERWRITE_OPTION, PATH, file_option, limit_of, quiet
 from distretarget.cli.outputs import check_outputs, check_suffix, complain, is_quiet, say, table_lines, write_outputs
-from distretarget.errors import BatchError, closest
+from distretarget.errors import BatchError
 from distretarget.measure.clip_faults import KINDS
 from distretarget.report.diff_document import csv_lines
-
-
-def parse_fault_limit(text: str) -> tuple[str, float]:
-    """The kind of fault and its limit in a text KIND=LIMIT."""
-    name, _, number = text.partition("=")
-    if name not in KINDS:
-        raise click.BadParameter(f"there is no kind of fault {name!r}; {closest(name, tuple(KINDS))}")
-    return name, parse_limit(name, number)
 
 
 @click.command("audit")
@@ -31,7 +23,7 @@ def parse_fault_limit(text: str) -> tuple[str, float]:
 @click.option(
     "--limit",
     "given",
-    type=parse_fault_limit,
+    type=limit_of(tuple(KINDS)),
     multiple=True,
     metavar="KIND=NUMBER",
     help=f"The value above which a clip has this fault; KIND is one of {', '.join(KINDS)}. May be given several times.",

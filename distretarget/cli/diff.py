@@ -14,8 +14,8 @@ from distretarget.cli.options import (
     OVERWRITE_OPTION,
     FileOrStandard,
     file_option,
+    limit_of,
     map_option,
-    parse_limit,
     positive,
     quiet,
 )
@@ -64,15 +64,6 @@ class DiffOutputs:
     excess: str  # the file and its metrics over their limits; empty if there are none
 
 
-def parse_metric_limit(text: str) -> tuple[str, float]:
-    """The key of a metric and its limit in a text METRIC=LIMIT."""
-    name, _, number = text.partition("=")
-    known = (*BY_KEY, GAP_ERROR)
-    if name not in known:
-        raise click.BadParameter(f"expected one of {', '.join(known)}, = and a limit, found {text!r}")
-    return name, parse_limit(name, number)
-
-
 @click.command("diff")
 @click.argument("a", type=FileOrStandard())
 @click.argument("b", type=FileOrStandard())
@@ -85,7 +76,12 @@ def parse_metric_limit(text: str) -> tuple[str, float]:
     "or shape."
 )
 @click.option(
-    "--fail-over", "limits", type=parse_metric_limit, multiple=True, metavar="METRIC=LIMIT", help=FAIL_OVER_HELP
+    "--fail-over",
+    "limits",
+    type=limit_of((*BY_KEY, GAP_ERROR)),
+    multiple=True,
+    metavar="METRIC=LIMIT",
+    help=FAIL_OVER_HELP,
 )
 @click.option(
     "--world-scale",

@@ -74,9 +74,16 @@ def positive(text: str) -> float:
     return _number(text, SMALLEST, LARGEST, f"a number above 0, from {SMALLEST:g} to {LARGEST:g}")
 
 
-def parse_limit(name: str, text: str) -> float:
-    """The number from 0 up in a text, the limit of a metric or fault of this name."""
-    return _number(text, 0.0, LARGEST, f"a number from 0 to {LARGEST:g} as limit of {name}")
+def limit_of(known: Sequence[str]) -> Callable[[str], tuple[str, float]]:
+    """A parser of texts NAME=LIMIT, with one of the known names of metrics or faults, and a number from 0 up."""
+
+    def parse(text: str) -> tuple[str, float]:
+        name, _, number = text.partition("=")
+        if name not in known:
+            raise click.BadParameter(f"expected one of {', '.join(known)}, = and a limit, found {text!r}")
+        return name, _number(number, 0.0, LARGEST, f"a number from 0 to {LARGEST:g} as limit of {name}")
+
+    return parse
 
 
 def parse_rate(text: str) -> float:

@@ -35,7 +35,7 @@ from distretarget.cli.outputs import (
 )
 from distretarget.cli.skeleton import headline, unused
 from distretarget.contact_entries import NO_CONTACTS
-from distretarget.errors import FileError, quoted
+from distretarget.errors import DistretargetError, FileError, in_file, quoted
 from distretarget.io.bvh import declared_frames
 from distretarget.io.bvh_writer import bvh_parts, python_refusals, refusals
 from distretarget.io.contacts_file import load_contacts
@@ -44,7 +44,7 @@ from distretarget.io.input_file import OUTPUTS, InputFile, load_file
 from distretarget.io.motion_writer import content_of, output_kind
 from distretarget.io.reading import CharacterTarget, TargetFile, animations_in
 from distretarget.matching.unmatched import others_without_source, parts_without_source
-from distretarget.motion import Motion
+from distretarget.motion import Motion, check_usable
 from distretarget.pipeline.result import RetargetResult
 from distretarget.pipeline.retargeting import Conversion, Recipe, argument
 from distretarget.report.clip_page import run_page
@@ -144,9 +144,8 @@ def retarget_command(
         contacts = load_contacts(contacts_path)
     if project and not recipe_files.map_path:
         recipe = project.with_map(recipe)
-    _check_order(source_file, target_file, output)
-    kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     motion, lost = _source_motion(source_file, target_file, recipe)
+    kind = "BVH" if output == STANDARD else output_kind(output, target_file)
     if source_file.kind == "BVH":
         source_file = replace(source_file, content=b"")  # frees it: the motion has all
     body = TargetFile.of(target_file)
@@ -178,32 +177,28 @@ def retarget_command(
     say(summary_line(result, seconds))
 
 
-def _check_order(source: InputFile, target: InputFile, output: Path) -> None:
-    """Raise a FileError if SOURCE and TARGET seem to be swapped: the output is a character, and only SOURCE is one."""
-    is_character = OUTPUTS.get(output.suffix.lower()) == "character"
-    is_animation = "VRMC_vrm_animation" in target.gltf.document.inner("extensions") if target.kind == "glTF" else False
-    if is_character and source.kind == "glTF" and (is_animation or target.kind in ("BVH", "FBX")):
-        swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o {argument(output)}"
-        why = f"is {'a VRM animation' if is_animation else target.kind} and cannot be written as {output.suffix}"
-        raise FileError(target.path, f"{why}; if {str(source.path)!r} is the target, it comes last: {swapped}")
-
-
 def _source_motion(source: InputFile, target: InputFile, recipe: Recipe) -> tuple[Motion, tuple[str, ...]]:
-    """The motion of the source, and what is left out; errors mention the order if source and target may be swapped."""
+    """The motion of the source, and what is left out; if only the target has a motion, the error tells their order."""
+    try:
+        motion, lost = recipe.read(source)
+        with in_file(source.path):
+            check_usable(motion, "the source")
+        return motion, lost
+    except DistretargetError:
+        if _has_motion(source) or not _has_motion(target):
+            raise
     suffix = ".glb" if source.kind == "glTF" else ".bvh"
     swapped = f"distretarget {argument(target.path)} {argument(source.path)} -o OUT{suffix}"
-    order = f"if it is the target, it comes last: {swapped}"
-    if source.kind == "skeleton":
-        raise FileError(source.path, f"is a skeleton file, which has no motion, expected a motion as SOURCE; {order}")
-    if source.kind == target.kind == "BVH" and declared_frames(source.text) == 0 and declared_frames(target.text):
-        raise FileError(source.path, f"has no frames, expected a BVH file with motion as SOURCE; {order}")
-    try:
-        return recipe.read(source)
-    except FileError:
-        is_character = source.format.has_characters and target.kind != "skeleton"
-        if is_character and not animations_in(source):
-            raise FileError(source.path, f"has no animation, expected a motion as SOURCE; {order}") from None
-        raise
+    raise FileError(
+        source.path, f"has no motion, expected one as SOURCE; if it is the target, it comes last: {swapped}"
+    )
+
+
+def _has_motion(file: InputFile) -> bool:
+    """Whether a file has frames or animations, or cannot be read."""
+    if file.kind == "BVH":
+        return declared_frames(file.text) != 0
+    return file.kind == "arrays" or bool(animations_in(file))
 
 
 def _verbose_lines(result: RetargetResult) -> Iterator[str]:

@@ -22,7 +22,6 @@ from numpy.typing import NDArray
 from distretarget.character.animations import choose_animation, frame_count, frame_times, own_rate
 from distretarget.errors import FileError
 from distretarget.numerics.vectors import Array
-from distretarget.skeleton import LARGEST
 
 if TYPE_CHECKING:
     import ufbx
@@ -344,8 +343,6 @@ def _sampled(
     for frame, time in enumerate(times.tolist()):
         row = [_ten(ufbx.evaluate_transform(anim, node, time)) for node in parts]
         samples[frame] = np.reshape(row, (-1, 10))
-        if not (np.abs(samples[frame]) <= LARGEST).all():
-            raise FileError("", f"has a node at a place, angle or scale that is not finite, or beyond {LARGEST:g}")
     return {"moving": np.array(chosen, np.int64), "frames": samples, "step": 1.0 / rate}
 
 

@@ -15,6 +15,7 @@ from distretarget.body.anatomy import Regions
 from distretarget.body.body import Body, Pose
 from distretarget.body.limbs import Leg, Legs, leg_length
 from distretarget.body.soles import (
+    Normals,
     Sole,
     find_soles,
     flat_normals,
@@ -68,8 +69,8 @@ class Matching:
     rotation_sources: Numbers
     blend: Array
     method: tuple[str, ...]
-    source_normals: tuple[Array, Array] | None = None
-    target_normals: tuple[Array, Array] | None = None
+    source_normals: Normals | None = None
+    target_normals: Normals | None = None
 
     def __repr__(self) -> str:
         joints = self.target.skeleton.joints
@@ -89,7 +90,7 @@ class Matching:
     def source_motion(self) -> Motion:
         """The motion of the source; a MotionError if it has none."""
         if self.source.motion is None:
-            raise MotionError("the source has no frames; there is nothing to retarget")
+            raise MotionError("the source has no frames; expected one or more")
         return self.source.motion
 
     @property
@@ -220,7 +221,7 @@ class Matching:
         return upper[apart], normalised(a[apart]), normalised(b[apart])
 
     @cached_property
-    def soles(self) -> tuple[tuple[Sole, Sole], ...]:
+    def soles(self) -> tuple[tuple[Sole, ...], ...]:
         """The soles of source and target for each leg. Bodies with the same rest pose share normals if only one shows
         them. Joints at the heel count if both have some. Without a target's foot, both are those of the ankle, unless
         an End Site shows that the leg ends on the floor.
@@ -233,16 +234,16 @@ class Matching:
         return tuple(zip(source, target, strict=True))
 
     @rig_property
-    def _soles(self) -> tuple[tuple[Sole, Sole], ...]:
+    def _soles(self) -> tuple[tuple[Sole, ...], ...]:
         """The `soles` that poses show."""
         if self.legs is None:
             return ()
         feet = [*zip((self.source, self.target), self.legs, self.poses, strict=True)]
         source, target = self._own_soles
         if self.rest_poses_alike and not target[0].known:
-            target = find_soles(*feet[1], (source[0].normal, source[1].normal))
+            target = find_soles(*feet[1], tuple(sole.normal for sole in source))
         elif self.rest_poses_alike and not source[0].known:
-            source = find_soles(*feet[0], (target[0].normal, target[1].normal))
+            source = find_soles(*feet[0], tuple(sole.normal for sole in target))
         pairs = [
             (a, b) if a.heel.any() == b.heel.any() else (a.without_heel, b.without_heel)
             for a, b in zip(source, target, strict=True)
@@ -252,7 +253,7 @@ class Matching:
         return tuple((a.at_ankle, b.at_ankle) if cut else (a, b) for cut, (a, b) in zip(footless, pairs, strict=True))
 
     @rig_property
-    def _own_soles(self) -> tuple[tuple[Sole, Sole], ...]:
+    def _own_soles(self) -> tuple[tuple[Sole, ...], ...]:
         """The soles of source and target as each body shows them; empty without legs."""
         feet = zip((self.source, self.target), self.legs, self.poses, strict=True) if self.legs else ()
         return tuple(find_soles(*each) for each in feet)
@@ -296,8 +297,7 @@ class Matching:
         """Return the matching with the soles that the target's mesh shows, also for a source that is the same rig."""
         if self.legs is None or mesh is None:
             return self
-        left, right = (own for _, own in self._soles)
-        found = flat_normals(self.target, self.legs[1], (left, right), mesh)
+        found = flat_normals(self.target, self.legs[1], tuple(own for _, own in self._soles), mesh)
         return replace(self, source_normals=found if self.is_same_rig else None, target_normals=found)
 
     @rig_property

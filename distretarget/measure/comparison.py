@@ -87,7 +87,7 @@ class Reference:
         self._posture = find_posture(source, matching, up, self._feet.stance)
         self._directions = expected_directions(source, matching)
         self._turned = np.flatnonzero(matching.drivers >= 0)
-        self._turns = _turns(source, matching.drivers[self._turned])
+        self._turns = turns_along(source.skeleton.parents, source.rotations, matching.drivers[self._turned])
         self._cuts = np.diff(matching.source.shots_of(source)) > 0
         self._tracks = {
             "foot_skate": Track(self._feet.paths.skate, self._feet.stance),
@@ -106,14 +106,14 @@ class Reference:
         """Measure a result with the same number of frames."""
         bones, skeleton = shared_bones(self.matching), result.skeleton
         contacts, supports = self._contacts.in_result(result), self._supports.in_result(result)
-        further = _turns(result, self._turned)
+        further = turns_along(skeleton.parents, result.rotations, self._turned)
         further -= self._turns
         further *= np.degrees(INSTANT / result.frame_time)
         further[self._cuts] = 0.0
         off = direction_error(self._directions, result, bones)
         tracks = {
             "contact_error": contacts.track,
-            **self._skin.in_result(result).tracks,
+            **self._skin.in_result(result),
             "direction_error": Track(off, parts=skeleton.keys_of(skeleton.parents[bones])),
             **self._feet.in_result(result, supports),
             "support_skate": Track(supports.skate, supports.rest, skeleton.keys_of(supports.joints)),
@@ -147,11 +147,6 @@ def _jerk(motion: Motion, body: Body) -> Track:
     """(frames - 3,), the mean norm of the third difference of the positions of the body's joints [body sizes / s^3]."""
     size = body.skeleton.longest_path * motion.frame_time**3
     return Track(np.asarray(thirds_along(motion.positions, np.flatnonzero(body.regions.of_joint >= 0)) / size))
-
-
-def _turns(motion: Motion, joints: Numbers) -> Array:
-    """(frames - 1, joints), the angle from each frame's world rotation to the next [rad]."""
-    return turns_along(motion.skeleton.parents, motion.rotations, joints)
 
 
 @rig_cached

@@ -20,7 +20,7 @@ from distretarget.measure.comparison import Comparison, Reference
 from distretarget.measure.gaps import Gap, ScenePart, body_part, measure_gaps
 from distretarget.measure.metrics import NOT_RUN, Track, Tracks, Variant, clip_metrics
 from distretarget.measure.skin import find_skin
-from distretarget.motion import Motion, check_reach, same_time
+from distretarget.motion import Motion, check_usable, same_time
 from distretarget.numerics.vectors import Array, extent
 from distretarget.skeleton import LARGEST, SMALLEST, JointMap
 
@@ -92,8 +92,8 @@ def diff(
     """
     check_kind("a", a, Motion)
     check_kind("b", b, Motion)
-    _check(a, "A")
-    _check(b, "B")
+    check_usable(a, "A")
+    check_usable(b, "B")
     bodies = Body.of_motion(a), Body.of_motion(b)
     world = find_world(*bodies, source_up=a_up, target_up=b_up)
     notes = list(turned_note(world))
@@ -125,14 +125,6 @@ def turned_note(world: World) -> tuple[str, ...]:
     turned = world.source_up != world.up, f"A was turned: {world.source_up} is up in A, {world.up} in B"
     half = world.half_turn, "A was turned round: in one of the files bodies look to -Z, as in VRM 0"
     return tuple(note for is_so, note in (turned, half) if is_so)
-
-
-def _check(motion: Motion, name: str) -> None:
-    if not len(motion):
-        raise MotionError(f"{name} has no frames; there is nothing to compare")
-    check_reach(motion, name)
-    if not motion.rigid_skeleton.longest_path > 0:
-        raise MotionError(f"no bone of {name} has a length; there is nothing to compare")
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

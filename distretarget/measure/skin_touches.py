@@ -1,4 +1,6 @@
-"""Depths of limbs in a body, and errors of gaps between skins that touch in the source, not hanging or passing by."""
+"""The skin of a result: how deep parts of a body sink into others, and how well it keeps the gaps where skins touch in
+the source; arms that hang beside the body there, and hands that pass by, do not count as touching.
+"""
 
 from __future__ import annotations
 
@@ -43,35 +45,6 @@ OF_AN_ARM = np.array([name.endswith(OWN_ARM) for name in SEGMENTS])  # (segments
 HAND = np.array([LIMBS.index(f"{limb.split()[0]} hand") for limb in LIMBS])
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class SkinMeasured:
-    """The skin of a result. Arrays have no frames if its thickness is not known; limbs are hands and forearms."""
-
-    deepest: Array  # (frames, limbs), the largest depth in other parts of the body [% of height]
-    deepest_parts: Array  # (frames, other parts), the same of upper arms, legs and head [% of height]
-    inside: Array  # (frames,), the share of hands and forearms that is inside [% of the vertices]
-    # (frames, limbs), the mean error of the gaps of touches in the source. If that is below 0, all gaps from it to 0
-    # are right; the gap of a forearm is the lesser of its own and its hand's [% of height]
-    gap_error: Array
-    touching: Numbers  # (frames, limbs), the number of these touches
-    # (frames, limbs), the mean distance of the middles of limbs that touch from the source's, along and round what they
-    # touch [half widths], and the number of these touches
-    place_error: Array
-    placed: Numbers
-
-    @property
-    def tracks(self) -> Tracks:
-        """The tracks of the metrics of skin."""
-        return {
-            "skin_depth": Track(self.deepest, parts=LIMBS),
-            "part_depth": Track(self.deepest_parts, parts=PARTS[len(LIMBS) :]),
-            "skin_frames": Track(np.where(self.inside > VISIBLE, 100.0, 0.0)),
-            "skin_gap": Track(self.gap_error, self.touching > 0, LIMBS),
-            "touch_missed": Track(np.where(self.gap_error > TOUCHING, 100.0, 0.0), self.touching, LIMBS),
-            "touch_place": Track(self.place_error, self.placed, LIMBS),
-        }
-
-
 @dataclass(frozen=True, eq=False)
 class SourceSkin:
     """The touches in a source, against which the skin of results is measured."""
@@ -83,7 +56,9 @@ class SourceSkin:
     coordinates: Array  # (touches, 3), of the middle of the limb, as `PartFrames.coordinates`
 
     def without(self, drops: Sequence[DroppedContact], of_joint: Numbers) -> SourceSkin:
-        """Return it without touches that a user drops, of hands with forearms; `of_joint` has the target's segments."""
+        """Return it without touches that a user drops; those of a forearm go with its hand's. `of_joint` has the
+        segment of each joint of the target, or -1.
+        """
         sample, limb, segment = self.touches
         is_left = np.ones(len(self.gaps), bool)
         for drop in drops:
@@ -95,8 +70,10 @@ class SourceSkin:
         left = self.touches[:, is_left], self.gaps[is_left], self.coordinates[is_left]
         return SourceSkin(self.target, self.sampled, *left)
 
-    def in_result(self, result: Motion) -> SkinMeasured:
-        """Measure the skin of a result with the same number of frames."""
+    def in_result(self, result: Motion) -> Tracks:
+        """Measure the skin of a result with the same number of frames; tracks have none if no skin can touch another.
+        Where the source overlaps, no gap from its own to 0 is an error. Places are compared in half widths.
+        """
         skin, to_percent = self.target, 100.0 / self.target.height
         samples = len(self.sampled) if skin.can_touch.any() else 0
         deepest, vertices = np.zeros((samples, len(PARTS))), np.zeros(samples)
@@ -119,15 +96,16 @@ class SourceSkin:
         place_error, placed = self._means(difference(self.coordinates, coordinates), samples)
         last = np.searchsorted(self.sampled, np.arange(len(result) if samples else 0), side="right") - 1
         of_limbs = skin.patches.patches[skin.patches.parts[len(LIMBS)], 1]
-        return SkinMeasured(
-            deepest=deepest[last, : len(LIMBS)],
-            deepest_parts=deepest[last, len(LIMBS) :],
-            inside=100.0 * vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0),
-            gap_error=gap_error[last],
-            touching=counts[last],
-            place_error=place_error[last],
-            placed=placed[last],
-        )
+        inside = 100.0 * vertices[last] / max(skin.patches.counts[:of_limbs].sum(), 1.0)
+        deepest, gap_error, counts = deepest[last], gap_error[last], counts[last]
+        return {
+            "skin_depth": Track(deepest[:, : len(LIMBS)], parts=LIMBS),
+            "part_depth": Track(deepest[:, len(LIMBS) :], parts=PARTS[len(LIMBS) :]),
+            "skin_frames": Track(np.where(inside > VISIBLE, 100.0, 0.0)),
+            "skin_gap": Track(gap_error, counts > 0, LIMBS),
+            "touch_missed": Track(np.where(gap_error > TOUCHING, 100.0, 0.0), counts, LIMBS),
+            "touch_place": Track(place_error[last], placed[last], LIMBS),
+        }
 
     def _reach(self, samples: int, sample: Numbers, limb: Numbers, segment: Numbers) -> Array:
         """The argument `reach` of `find_depths` for touches of the source, (touches,) each."""
@@ -232,7 +210,9 @@ def _depths(skin: Skin, motion: Motion, frames: Numbers, reach: Array) -> tuple[
 
 
 def _larger_of_both_orders(values: Array) -> Array:
-    """Make values, (frames, parts, segments), of two limbs those of the order in which they are larger."""
+    """Write the larger of two values, (frames, parts, segments), to both: of one limb against another, and of this
+    against the first.
+    """
     between = values[:, : len(LIMBS), : len(LIMBS)]  # the first parts, and the first segments, are the limbs
     between[:] = np.maximum(between, between.transpose(0, 2, 1))
     return values

@@ -2,9 +2,9 @@
 
 All is found from positions alone: a resting joint is slow, and near its lowest heights, and the floor is at the heights
 of resting soles, without any fitting that could hide an offset of the whole motion. Heights are compared in leg lengths
-of each body. Where the target's feet have a mesh, its lowest vertices are the soles. Their height has no error from
-the mean height of the source's sole over a rest to the source's floor, if these two are near each other; and hips may
-be nearer to an ankle, or farther, by as much as its sole has moved towards the floor.
+of each body. Where the target's feet have a mesh, its lowest vertices are the soles. Their height is right anywhere
+between the mean height of the source's sole over a rest and the source's floor, if these two are near each other; and
+hips may be nearer to an ankle, or farther, by as much as its sole has moved towards the floor.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def feet_rest(motion: Motion, legs: Sequence[Leg], length: float, up: Array) -> 
 
 
 def height_errors(heights: Array, of_source: Array, floor: float, near: Array | float = NEAR) -> Array:
-    """The errors of heights [leg lengths]; 0 from the source's height to its floor, if these are `near` each other."""
+    """The errors of heights [leg lengths]; all between the source's and its floor are right if the two are `near`."""
     other = np.where(np.abs(of_source - floor) < near, floor, of_source)
     return np.asarray(heights - np.clip(heights, np.minimum(of_source, other), np.maximum(of_source, other)))
 
@@ -205,8 +205,8 @@ class SupportsMeasured:
         return largest(rests[:, None].astype(np.float64), reach)[:, 0] > 0
 
     def in_result(self, result: Motion) -> SupportsMeasured:
-        """The same joints, measured in a result. With skin, heights from the source's to that at which the lowest skin
-        of the part is as high as the source's lowest joint have no error.
+        """The same joints, measured in a result. With skin, a height is right anywhere between the source's and the one
+        at which the lowest skin of the part is as high as the source's lowest joint.
         """
         paths = result.positions[:, self.joints] / self.leg
         skate = speeds_along(level(paths, self.up), result.frame_time)

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
-from distretarget.body.anatomy import SIDES
+from distretarget.body.anatomy import SIDES, opposite
 from distretarget.body.axes import AHEAD, axis_vector, nearest_axis, perpendicular
 from distretarget.body.body import Body
 from distretarget.checks import brief_repr, check_kind, check_number
@@ -82,7 +82,7 @@ def find_partners(skeleton: Skeleton, roles: Mapping[str, int], reflection: Arra
     """Return the joint on the other side of each joint, itself in the middle, and -1 where there is none, (joints,).
     `roles` are the known joints, and `reflection`, (3, 3), exchanges the sides of the rest pose.
     """
-    other = {joint: roles.get(_other_side(role)) for role, joint in roles.items()}
+    other = {joint: roles.get(opposite(role)) for role, joint in roles.items()}
     rest, partners = skeleton.rest_positions, np.full(len(skeleton), -1)
     middles = np.array([rest[[*skeleton.subtree(joint)]].mean(axis=0) for joint in range(len(skeleton))])
     partners[0] = 0
@@ -111,20 +111,12 @@ def _roles(body: Body, skeleton: Skeleton) -> dict[str, int]:
     return {role: numbers[body.skeleton.keys[joint]] for role, joint in body.roles.items()}
 
 
-def _other_side(role: str) -> str:
-    """The role on the other side; the role itself in the middle."""
-    for side, opposite in zip(SIDES, reversed(SIDES), strict=True):
-        if role.startswith(side):
-            return opposite + role.removeprefix(side)
-    return role
-
-
 def _left(skeleton: Skeleton, roles: Mapping[str, int]) -> Array:
     """(3,), the unit vector to the left of a body in its rest pose, by paired joints; a MotionError without these."""
     rest, across = skeleton.rest_positions, np.zeros(3)
     for role, joint in roles.items():
-        if role.startswith(SIDES[0]) and _other_side(role) in roles:
-            across += rest[joint] - rest[roles[_other_side(role)]]
+        if role.startswith(SIDES[0]) and opposite(role) in roles:
+            across += rest[joint] - rest[roles[opposite(role)]]
     if not across.any():
         raise MotionError("shows no human body, so that there is no left and right to exchange")
     axis, cosine = nearest_axis(normalised(across))

@@ -18,7 +18,7 @@ from distretarget.body.tree_repairs import JointShift, without_exported_ends, wi
 from distretarget.errors import MotionError
 from distretarget.ik.poses import LEAST_TURN, Poses, fit_rotations, posed_motion
 from distretarget.matching.matching import Matching, match
-from distretarget.motion import Motion, check_reach
+from distretarget.motion import Motion, check_usable
 from distretarget.numerics.vectors import Array, Flags, extent, lengths
 from distretarget.objectives.activation import DEFAULT_SETTINGS, ContactSettings
 from distretarget.objectives.body_skin import Skins
@@ -104,7 +104,9 @@ def _with_hips_at_thighs(goal: Target) -> tuple[Target, JointShift | None]:
 def _match_joints(transfer: Transfer, goal: Target, hips: JointShift | None) -> Match:
     """The match of a source to its target, without skins."""
     in_file, options = transfer.goal.skeleton, transfer.options
-    _check(transfer.source, in_file)
+    check_usable(transfer.source, "the source")
+    if not in_file.lengths.max() >= SMALLEST:
+        raise MotionError(f"no bone of the target has a length; its OFFSETs are all below {SMALLEST:g}")
     pairs = {**goal.map, **(transfer.joint_map or {})}
     named = {*filter(None, pairs.values())}
 
@@ -273,15 +275,6 @@ class Performer:
         inner = [bool(each) for each in skeleton.children]
         each = zip(axes, inner, turns, strict=True)
         return any(0 < own < 3 or (not own and carries and turn > LEAST_TURN) for own, carries, turn in each)
-
-
-def _check(source: Motion, target: Skeleton) -> None:
-    if not len(source):
-        raise MotionError("the source has no frames; there is nothing to retarget")
-    check_reach(source, "the source")
-    for body, name in ((source.skeleton, "source"), (target, "target")):
-        if not body.lengths.max() >= SMALLEST:
-            raise MotionError(f"no bone of the {name} has a length; its OFFSETs are all below {SMALLEST:g}")
 
 
 def check_places(posed: Motion, clip: Clip) -> None:

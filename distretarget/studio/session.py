@@ -49,16 +49,6 @@ class FinishedOrder:
     converted: Converted
     format: str
 
-    @property
-    def source(self) -> InputFile:
-        """The clip."""
-        return self.conversion.source
-
-    @property
-    def target(self) -> TargetFile:
-        """The character."""
-        return self.conversion.target
-
     @cached_property
     def contacts(self) -> tuple[MarkedContact, ...]:
         """The contacts of the clip: found, dropped and added."""
@@ -94,7 +84,7 @@ class FinishedOrder:
             "target_joints": _joint_keys(result.motion.skeleton),
             "axes": run_axes(result),
             "frame_time": result.motion.frame_time,
-            "formats": formats_of(self.target),
+            "formats": formats_of(self.conversion.target),
             "format": self.format,
             "command": self.names.command(self.order),
             "merges": OUTPUTS[f".{self.format}"] == "character",
@@ -103,12 +93,13 @@ class FinishedOrder:
     @property
     def names(self) -> Names:
         """The names of its files."""
-        return Names(str(self.source.path), str(self._character.path), self.format, self.order.recipe.clip or "")
+        animation = self.order.recipe.clip or ""
+        return Names(str(self.conversion.source.path), str(self._character.path), self.format, animation)
 
     @property
     def _character(self) -> InputFile:
-        assert self.target.file
-        return self.target.file
+        assert self.conversion.target.file
+        return self.conversion.target.file
 
     def file(self, kind: str, names: Names | None = None) -> tuple[str, bytes]:
         """Return the name and the content of a file to download: the motion, whose kind is the order's format, or the
@@ -121,11 +112,11 @@ class FinishedOrder:
             case "map":
                 return names.of_kind("map.json"), self.order.map_json.encode()
             case "project":
-                files = {self.order.clip: self.source, self.order.character: self._character}
+                files = {self.order.clip: self.conversion.source, self.order.character: self._character}
                 return names.of_kind("project.json"), project_to_json([self.order], self.format, files).encode()
             case "report":
-                about = About(a=str(self.source.path), b=str(self.target.path))
-                page = run_page(self.converted.result, about, self.target.target, self.source)
+                about = About(a=str(self.conversion.source.path), b=str(self.conversion.target.path))
+                page = run_page(self.converted.result, about, self.conversion.target.target, self.conversion.source)
                 return f"{PurePath(names.result).stem}.html", page.encode()
         if kind != self.format:
             raise SettingsError(f"kind is {kind!r:.40}; expected {self.format}, the format of the order")
@@ -134,13 +125,13 @@ class FinishedOrder:
     def motion(self, name: str, before: bytes | None = None) -> bytes:
         """Return the content of a file of this name with the motion, added to the content `before` if given."""
         onto = None if before is None else InputFile(before, name, has_folder=False)
-        content = content_of(name, self.converted.clip, self.target, self.order.recipe.writing, onto)
+        content = content_of(name, self.converted.clip, self.conversion.target, self.order.recipe.writing, onto)
         return b"".join(encoded_parts(content))
 
     def inputs(self, names: Names) -> dict[str, bytes]:
         """Return the files that its command line needs, and its project, by name."""
         kinds = ["project", *["contacts"] * bool(self.order.contacts.entries), *["map"] * self.order.has_map]
-        inputs = {names.clip: self.source.content, names.character: self._character.content}
+        inputs = {names.clip: self.conversion.source.content, names.character: self._character.content}
         return inputs | dict(self.file(kind, names) for kind in kinds)
 
 
