@@ -94,10 +94,10 @@ def test_a_record_comes_back_as_it_was(one):
     assert unpacked(*packed(one)) == one
 
 
-BROKEN = [{"output": ["x"]}, {"frames": -1}, {"frames": 10**400}, {"seconds": float("nan")}, {"others": ["a"]}]
+BROKEN = [{"output": ["x"]}, {"frames": -1}, {"frames": 10**400}, {"seconds": float("nan")}, {"others": {"a": 1}}]
 
 
-@pytest.mark.parametrize("change", [*BROKEN, {"warnings": "w"}, {"warnings": [1]}, {"options": 1}, {"notes": 1}])
+@pytest.mark.parametrize("change", [*BROKEN, {"warnings": "w"}, {"warnings": [1]}, {"options": 1}, {"notes": None}])
 def test_a_record_with_a_value_that_cannot_be_is_refused(change):
     with pytest.raises(ValueError, match=f"{next(iter(change))} cannot be "):
         unpacked(*packed(done() | change))
@@ -115,7 +115,7 @@ def test_a_clip_takes_few_bytes(folder):
     with closing(Database(folder)) as database:
         for name in names:
             database.add(done(clip(name), input_hash=text_hash(name), frames=1000, seconds=0.123, **measured()))
-    assert (folder / DATABASE).stat().st_size < 800 * len(names)
+    assert (folder / DATABASE).stat().st_size < 500 * len(names)
 
 
 # ---- what is done, and what may be replaced
@@ -240,7 +240,7 @@ def test_a_file_of_another_program_is_left_alone(folder, tmp_path):
 def test_what_no_batch_has_written_is_refused(folder, database, part):
     database.add(done())
     with closing(sqlite3.connect(folder / DATABASE)) as other, other:
-        other.execute("UPDATE clips SET own = ?", [part])
+        other.execute("UPDATE clips SET clip = ?", [part])
     with pytest.raises(FileError, match=r"results\.sqlite: is damaged; delete it"):
         database.records("a.bvh")
 
