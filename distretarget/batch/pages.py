@@ -62,7 +62,8 @@ def _row(record: BatchRecord) -> dict[str, Any]:
     """The row of a clip by column; None for missing values."""
     texts = {name: record.get(name) or None for name in (*TEXTS, *HASHES)}
     lists = {name: SEPARATOR.join(record[name]) or None for name in ("warnings", "notes")}
-    return {**texts, "frames": record["frames"], **lists, **record["metrics"]}
+    metrics = {name: number if number is None else float(f"{number:.7g}") for name, number in record["metrics"].items()}
+    return {**texts, "frames": record["frames"], **lists, **metrics}
 
 
 def _parquet(rows: Iterable[dict[str, Any]]) -> bytes:
