@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1, indices
+from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1
 
 RUN = 8  # the most points of a run of neighbours
 NOWHERE = 1e100  # a coordinate of no point
@@ -253,14 +253,14 @@ def _find_nearer(ball, guess, count, farthest, room):  # type: ignore[no-untyped
     x, y, z, far, nearer = ball[0], ball[1], ball[2], farthest, 0
     if guess >= 0:
         far = min(far, np.sqrt(_square(ball, room.placed[guess])) + ball[3])
-    for n in indices(0, count):
+    for n in range(count):
         a, b, c = room.around[0, n] - x, room.around[1, n] - y, room.around[2, n] - z
         room.beyond[n] = a * a + b * b + c * c - (room.around[3, n] + ball[3] + far) ** 2
-    for n in indices(0, count):  # without branches, which would be guessed wrong
+    for n in range(count):  # without branches, which would be guessed wrong
         room.chosen[nearer] = n
         nearer += room.beyond[n] <= 0.0
-    for n in indices(0, nearer):
-        which = np.uintp(room.chosen[n])
+    for n in range(nearer):
+        which = room.chosen[n]
         room.nearer[n] = room.near[which]
         for i in range(4):
             room.enclosing[i, n] = room.around[i, which]
@@ -274,19 +274,19 @@ def _find_nearest(points, posed, p, guess, count, farthest, room):  # type: igno
     if guess >= 0 and _square(p, room.placed[guess]) < least:
         nearest, least = guess, _square(p, room.placed[guess])
     distance = np.sqrt(least)
-    for n in indices(0, count):
+    for n in range(count):
         a, b, c = room.enclosing[0, n] - x, room.enclosing[1, n] - y, room.enclosing[2, n] - z
         far = room.enclosing[3, n] + distance
         room.beyond[n] = a * a + b * b + c * c - far * far
     found = 0
-    for n in indices(0, count):
+    for n in range(count):
         room.chosen[found] = room.nearer[n]
         found += room.beyond[n] < 0.0
-    for n in indices(0, found):
+    for n in range(found):
         run, hits = room.chosen[n], 0
         _place(points, posed, run, room)
         block = room.blocks[run]
-        for k in indices(0, block.shape[1]):
+        for k in range(block.shape[1]):
             a, b, c = block[0, k] - x, block[1, k] - y, block[2, k] - z
             hits += a * a + b * b + c * c < least
         if hits > 0:
