@@ -6,7 +6,7 @@ and a node above them rotates and scales them from Z up and centimetres.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -45,7 +45,7 @@ BLEND = 9.0  # length over which a joint bends the mesh
 ARMATURE_SCALE = 0.01
 ARMATURE_TURN = Rotation.from_euler("X", -90, degrees=True)
 
-SUIT, SKIN, DARK = (0.09, 0.30, 0.46), (0.80, 0.55, 0.42), (0.06, 0.05, 0.07)  # linear colours
+COLOURS = {"Suit": (0.09, 0.30, 0.46), "Skin": (0.80, 0.55, 0.42), "Dark": (0.06, 0.05, 0.07)}  # linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,13 +146,13 @@ WHOLE_SHOE = joined(
     3.0,
 )
 LEFT_SHOE = cut(WHOLE_SHOE, behind((0, 0, 0), (0, -1, 0)), 1.5)
-PARTS = (  # body, colour, box, cell; cells meet at x = 0 between thighs, and lie across it elsewhere
-    (CLOTHES, SUIT, ((-71.4, 3, -17), (72, 156, 17)), 4.2),
-    (HEAD, SKIN, ((-12.375, 131, -13), (12, 178, 16)), 2.25),
-    (LEFT_HAND, SKIN, ((58, 133, -12), (90, 145, 10)), 1.5),
-    (HAIR, DARK, ((-12.15, 152, -14), (12, 180, 13)), 2.7),
-    (LEFT_EYE, DARK, ((1.5, 161, 7.5), (6, 166, 12)), 0.9),
-    (LEFT_SHOE, DARK, ((2, -2, -11), (20, 19, 24)), 2.7),
+PARTS = (  # body, name, box, cell; cells meet at x = 0 between thighs, and lie across it elsewhere
+    (CLOTHES, "Suit", ((-71.4, 3, -17), (72, 156, 17)), 4.2),
+    (HEAD, "Skin", ((-12.375, 131, -13), (12, 178, 16)), 2.25),
+    (LEFT_HAND, "Skin", ((58, 133, -12), (90, 145, 10)), 1.5),
+    (HAIR, "Dark", ((-12.15, 152, -14), (12, 180, 13)), 2.7),
+    (LEFT_EYE, "Dark", ((1.5, 161, 7.5), (6, 166, 12)), 0.9),
+    (LEFT_SHOE, "Dark", ((2, -2, -11), (20, 19, 24)), 2.7),
 )
 
 
@@ -169,17 +169,11 @@ class Part:
 
 def mesh(bones: Joints) -> list[Part]:
     """The mesh in the bind pose."""
-    made, colours = list(_surfaces()), (("Suit", SUIT), ("Skin", SKIN), ("Dark", DARK))
-    return [_part(name, colour, [each for other, each in made if other == colour], bones) for name, colour in colours]
+    made = [(name, symmetric(surface(body, *box, cell))) for body, name, box, cell in PARTS]
+    return [_part(name, [each for other, each in made if other == name], bones) for name in COLOURS]
 
 
-def _surfaces() -> Iterator[tuple[tuple[float, float, float], Surface]]:
-    """The surfaces of all bodies, each with its colour."""
-    for body, colour, (low, high), cell in PARTS:
-        yield colour, symmetric(surface(body, low, high, cell))
-
-
-def _part(name: str, colour: tuple[float, float, float], surfaces: Sequence[Surface], bones: Joints) -> Part:
+def _part(name: str, surfaces: Sequence[Surface], bones: Joints) -> Part:
     points, normals = (np.concatenate([getattr(each, key) for each in surfaces]) for key in ("points", "normals"))
     starts = np.cumsum([0, *(len(each.points) for each in surfaces[:-1])])
     triangles = np.concatenate([each.triangles + start for each, start in zip(surfaces, starts, strict=True)])
@@ -188,7 +182,9 @@ def _part(name: str, colour: tuple[float, float, float], surfaces: Sequence[Surf
     local, share = weights(points, bones.places[movers], bones.ends[movers], BLEND, sides[movers])
     shares = np.round(255 * share).astype(int)
     shares[:, 0] += 255 - shares.sum(axis=1)
-    return Part(name, colour, Surface(points, normals, triangles), np.where(shares > 0, movers[local], 0), shares)
+    return Part(
+        name, COLOURS[name], Surface(points, normals, triangles), np.where(shares > 0, movers[local], 0), shares
+    )
 
 
 # ---- the file

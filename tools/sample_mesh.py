@@ -16,7 +16,6 @@ Array = NDArray[np.float64]
 Body = Callable[[Array], Array]
 
 MOST_JOINTS = 4  # influences on a point
-MIRROR = (-1, 1, 1)
 STEP = 1e-4  # of finite differences [cm]
 
 
@@ -116,19 +115,13 @@ def surface(body: Body, low: ArrayLike, high: ArrayLike, cell: float) -> Surface
 
 def symmetric(whole: Surface) -> Surface:
     """The left half of a surface, x >= 0, with the points that are next to it moved to x = 0, and its mirror image."""
-    kept = whole.triangles[(whole.points[whole.triangles, 0] > STEP).any(axis=1)]
-    used, left = np.unique(kept, return_inverse=True)
-    points, left = np.maximum(whole.points[used], [0.0, -np.inf, -np.inf]), left.reshape(-1, 3)
-    off = points[:, 0] > STEP
-    normals = np.where(off[:, None], 1.0, [0.0, 1.0, 1.0]) * whole.normals[used]
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    points[~off, 0], other = 0.0, np.arange(len(points))
-    other[off] = len(points) + np.arange(off.sum())
-    return Surface(
-        np.concatenate([points, points[off] * MIRROR]),
-        np.concatenate([normals, normals[off] * MIRROR]),
-        np.concatenate([left, other[left[:, ::-1]]]),
-    )
+    used, left = np.unique(whole.triangles[(whole.points[whole.triangles, 0] > STEP).any(axis=1)], return_inverse=True)
+    off = whole.points[used, 0] > STEP
+    flat = np.where(off[:, None], 1.0, [0.0, 1.0, 1.0])
+    points, normals, left = flat * whole.points[used], flat * whole.normals[used], left.reshape(-1, 3)
+    right = np.where(off, len(used) + np.cumsum(off) - 1, np.arange(len(used)))[left[:, ::-1]]
+    points, normals = (np.concatenate([each, each[off] * (-1, 1, 1)]) for each in (points, normals))
+    return Surface(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), np.concatenate([left, right]))
 
 
 def _quads(inside: NDArray[np.bool_], number: NDArray[np.intp], axis: int) -> NDArray[np.intp]:
@@ -154,10 +147,9 @@ def _evened(points: Array, quads: NDArray[np.intp], body: Body) -> Array:
 def _mean_of_neighbours(values: Array, quads: NDArray[np.intp]) -> Array:
     """(points, n), the mean of the values of the points that share an edge with each."""
     total, count = np.zeros_like(values), np.zeros(len(values))
-    for one, other in ((0, 1), (1, 2), (2, 3), (3, 0)):
-        for a, b in ((one, other), (other, one)):
-            np.add.at(total, quads[:, a], values[quads[:, b]])
-            np.add.at(count, quads[:, a], 1.0)
+    for step in (-1, 1):
+        np.add.at(total, quads, values[np.roll(quads, step, axis=1)])
+        np.add.at(count, quads, 1.0)
     return total / count[:, None]
 
 
