@@ -243,7 +243,7 @@ EDITING = (
         type=click.FloatRange(*SPEEDS),
         metavar="FACTOR",
         default=1.0,
-        help="Play it this many times as fast.",
+        help="Play the motion this many times as fast.",
     ),
     click.option("--mirror", is_flag=True, help="Exchange left and right."),
     click.option(
