@@ -269,7 +269,7 @@ class Matching:
 
     @property
     def with_untilted_soles(self) -> Matching:
-        """The matching with soles that leave out how much more one rest pose tilts the feet than the other does, as far
+        """The matching with soles corrected for feet that one rest pose tilts more than the other, as far
         as a motion shows it.
         """
         if self.legs is None:
