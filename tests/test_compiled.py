@@ -28,6 +28,7 @@ def calls():
     noted, checked = {}, compiled._checked
 
     def note(function, arguments, kinds):
+        assert not overlapping(function, arguments), function.__qualname__
         some = noted.setdefault(function, [])
         if len(some) < MOST_CALLS:
             some.append(copy.deepcopy(arguments))
@@ -46,18 +47,56 @@ def calls():
     return noted
 
 
+def outputs(function, arguments):
+    """The arrays that a function writes to, by name."""
+    named = zip(inspect.signature(function).parameters.values(), arguments, strict=True)
+    return {parameter.name: value for parameter, value in named if parameter.annotation.startswith("Out[")}
+
+
 def written(function, arguments):
     """What a function writes, but for scratch and the numbers of iterations, which rounding changes."""
-    named = zip(inspect.signature(function).parameters.values(), arguments, strict=True)
-    out = {parameter.name: value for parameter, value in named if parameter.annotation.startswith("Out[")}
+    out = outputs(function, arguments)
     return {name: value for name, value in out.items() if name not in {"log", "scratch", "gradient"}}
+
+
+def overlapping(function, arguments):
+    """Whether an array that a function writes to overlaps another one."""
+    arrays = []
+    compiled._collect(arguments, arrays)
+    arrays = [each for each in arrays if isinstance(each, np.ndarray)]
+    return any(
+        sum(np.may_share_memory(one, other) for other in arrays) > 1 for one in outputs(function, arguments).values()
+    )
+
+
+class FromTheFront(np.ndarray):
+    """An array without negative indices, with which compiled functions would leave it."""
+
+    def __getitem__(self, index):
+        return super().__getitem__(not_negative(index))
+
+    def __setitem__(self, index, value):
+        super().__setitem__(not_negative(index), value)
+
+
+def not_negative(index):
+    numbers = index if isinstance(index, tuple) else (index,)
+    assert not any(isinstance(each, int | np.integer) and each < 0 for each in numbers), index
+    return index
+
+
+def from_the_front(argument):
+    """An argument with arrays, also in its tuples, that refuse negative indices."""
+    if isinstance(argument, tuple):
+        return type(argument)(*map(from_the_front, argument))
+    return argument.view(FromTheFront) if isinstance(argument, np.ndarray) else argument
 
 
 def test_compiled_functions_do_what_their_python_does(calls):
     compared = set()
     for call, _ in compiled.functions:
         for arguments in calls.get(call.__wrapped__, ()):
-            own, python = copy.deepcopy(arguments), copy.deepcopy(arguments)
+            own, python = copy.deepcopy(arguments), [*map(from_the_front, copy.deepcopy(arguments))]
             returned = call(*own)
             with np.errstate(all="ignore"):
                 assert call.__wrapped__(*python) == returned

@@ -103,6 +103,19 @@ def test_thick_trunks_do_not_sink_into_each_other(name):
     assert after.max() < 1.5 * FLESH + max(overlap(thick, [each.source for each in thick]).max(), 0.0)
 
 
+def test_a_small_partner_does_not_stand_in_the_thighs_of_a_tall_one():
+    motions, _ = scene("waltz")
+    bodies = [each.rigid_skeleton for each in motions]
+    bodies[1] = bodies[1].with_lengths(0.45 * bodies[1].lengths)
+    fat_ones = {"builds": [Builds(target=FAT)] * 2}
+    thick, thin = (
+        retarget_scene(motions, bodies, world_scale=0.35, **each).results for each in (fat_ones, {"skin": "none"})
+    )
+    parts = IS_THIGH, IS_CORE
+    assert overlap(thick, [each.motion for each in thin], parts).max() > 2.5 * FLESH
+    assert overlap(thick, [each.motion for each in thick], parts).max() < 2.0 * FLESH
+
+
 @pytest.mark.parametrize("name", ["waltz", "lift"])
 def test_resting_feet_stand_still_and_hands_stay_together(name):
     thick, thin = fat(name)

@@ -109,7 +109,7 @@ def test_what_is_far_from_a_contact_that_is_dropped_stays_as_it_is_on_a_body_wit
     (first, last), on, reach = found.frames, changed(before, near), round(BLENDS / motion.frame_time) + 2
     assert first - reach <= on.min() < first < last < on.max() <= last + reach
     height, x = near.matching.target.height, near.motion.positions
-    assert np.abs(x - whole.motion.positions).max() < 0.004 * height
+    assert np.abs(x - whole.motion.positions).max() < 0.008 * height
     assert np.abs(x - before.motion.positions).max() > 0.01 * height
 
 

@@ -218,7 +218,7 @@ def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Arr
 def _resting_turns(motion: Motion, legs: Legs, soles: Sequence[Sole], up: Array) -> tuple[list[Array], Array]:
     """The axes of each foot to its side and along it, (2, 3), and the angles by which normals are turned about them to
     be up while feet rest, (feet, 2) [rad]; 0 if neither ever does. A foot that never rests, or on its toes alone as far
-    as the other foot shows, is the mirror image of the other.
+    as the other foot shows, is the mirror image of the other, unless that leans to the side as in a body that lies.
     """
     length = leg_length(motion.skeleton, legs)
     rests, axes, angles = [_at_rest(motion, leg, up, length) for leg in legs], [], np.zeros((len(legs), 2))
@@ -231,7 +231,8 @@ def _resting_turns(motion: Motion, legs: Legs, soles: Sequence[Sole], up: Array)
         return axes, angles
     angles[[rest is None for rest in rests]] = -np.pi, 0.0
     other = angles[::-1] * MIRRORED
-    return axes, angles + smoothstep((other - angles)[:, :1] / PITCH - 1.0) * (other - angles)
+    stands = 1.0 - smoothstep(np.abs(other[:, 1:]) / ROLL - 1.0)
+    return axes, angles + stands * smoothstep((other - angles)[:, :1] / PITCH - 1.0) * (other - angles)
 
 
 def _turned(soles: Sequence[Sole], axes: Sequence[Array], angles: Array) -> Normals:

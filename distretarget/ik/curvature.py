@@ -14,7 +14,7 @@ import numpy as np
 from distretarget.ik.articulation import Articulation, Scratch, to_rotation_vector
 from distretarget.ik.springs import Below, FrameSprings, couples, write_nodes, write_stiffness_below
 from distretarget.numerics.compiled import inlined
-from distretarget.numerics.vectors import F1, F2, F3, I1, Array, Numbers, indices
+from distretarget.numerics.vectors import F1, F2, F3, I1, Array, Numbers
 
 
 @inlined(fastmath=True)
@@ -30,10 +30,10 @@ def factorise(H: Array, size: int) -> None:
         for i in range(first, first + 3):
             for k in range(first, i):
                 factor = H[k, i]
-                for j in indices(i, size):
+                for j in range(i, size):
                     H[i, j] -= factor * H[k, j]
             factor = 1.0 / np.sqrt(H[i, i])
-            for j in indices(i, size):
+            for j in range(i, size):
                 H[i, j] *= factor
             H[i, i] = factor
 
@@ -52,7 +52,7 @@ def _is_zero(H: Array, row: int, column: int) -> bool:
 def _eliminate(H: Array, i: int, above: int, size: int) -> None:
     """Subtract the contribution of the three finished rows from `above` on from row i."""
     a, b, c = H[above, i], H[above + 1, i], H[above + 2, i]
-    for j in indices(i, size):
+    for j in range(i, size):
         H[i, j] -= a * H[above, j] + b * H[above + 1, j] + c * H[above + 2, j]
 
 
@@ -68,14 +68,14 @@ def solve_factored(U: Array, active: Numbers, gradient: Array, d: Array, flat: A
         y = (flat[i + 1] - U[i, i + 1] * x) * U[i + 1, i + 1]
         z = (flat[i + 2] - U[i, i + 2] * x - U[i + 1, i + 2] * y) * U[i + 2, i + 2]
         flat[i], flat[i + 1], flat[i + 2] = x, y, z
-        for j in indices(i + 3, size):
+        for j in range(i + 3, size):
             flat[j] -= x * U[i, j] + y * U[i + 1, j] + z * U[i + 2, j]
     for part in range(len(d)):
         d[part, 0], d[part, 1], d[part, 2] = 0.0, 0.0, 0.0
     for n in range(len(active) - 1, -1, -1):
         i = 3 * n
         x, y, z = 0.0, 0.0, 0.0
-        for j in indices(i + 3, size):
+        for j in range(i + 3, size):
             x += U[i, j] * flat[j]
             y += U[i + 1, j] * flat[j]
             z += U[i + 2, j] * flat[j]

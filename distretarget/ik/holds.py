@@ -78,7 +78,7 @@ def write_compliance(body: Articulation, bones: Array, joint: int, arms: Array, 
         joint = parent
     clear(M)
     for i in range(3):
-        M[i, i] = 1.0 / body.stiffness[-1]
+        M[i, i] = 1.0 / body.stiffness[len(body.stiffness) - 1]
     for part in range(len(arms) - 1):
         square = arms[part, 0] ** 2 + arms[part, 1] ** 2 + arms[part, 2] ** 2
         if square == 0.0:

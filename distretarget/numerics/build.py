@@ -136,8 +136,12 @@ def _compile() -> Iterator[tuple[str, str, str, list[Any]]]:
     """Yield each function that Python calls: its symbol, its name in LLVM IR, its IR with all functions that it calls,
     and its arguments (`_leaves`).
     """
+    from numba import intp
     from numba.core import compiler, compiler_lock, cpu_options, registry
+    from numba.np import arrayobj
 
+    # No index is negative (`compiled`), so none is compared with zero.
+    arrayobj.fix_integer_index = lambda context, builder, kind, index, _: context.cast(builder, index, kind, intp)
     for path in _sources():
         importlib.import_module(".".join(("distretarget", *path.relative_to(PACKAGE).with_suffix("").parts)))
     register_inlined()
@@ -146,7 +150,7 @@ def _compile() -> Iterator[tuple[str, str, str, list[Any]]]:
     for call, fastmath in compiled.functions:
         flags, function = compiler.Flags(), call.__wrapped__
         flags.error_model, flags.fastmath = "numpy", cpu_options.FastMathOptions(fastmath)
-        flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = True
+        flags.no_compile = flags.no_cpython_wrapper = flags.no_cfunc_wrapper = flags.noalias = True
         hints = get_type_hints(function, include_extras=True)
         hints.pop("return")
         types = [_numba_type(hint, WRITTEN in get_args(hint)) for hint in hints.values()]

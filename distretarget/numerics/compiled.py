@@ -48,8 +48,9 @@ def compiled(*, fastmath: bool = False) -> Callable[[Function], Function]:
     """Decorate a function that Python calls. Its module imports only numpy, the standard library and such modules.
 
     Its arguments are annotated as float, int, bool, arrays (`numerics.vectors`: F2, I1, ...; `Out` if it writes to
-    them) or named tuples of these; it returns None or an int. It allocates nothing: it writes to arrays of the caller.
-    Several threads may run it at the same time. `__wrapped__` is the Python function.
+    them) or named tuples of these; it returns None or an int. It allocates nothing: it writes to arrays of the caller,
+    which overlap no others that it uses. No index is negative. Several threads may run it at the same time.
+    `__wrapped__` is the Python function.
 
     Raises:
         TypeError: an argument is of another type.

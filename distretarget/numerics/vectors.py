@@ -130,9 +130,3 @@ def clear(array: NDArray[Any]) -> None:
     flat = array.flat
     for i in range(array.size):
         flat[i] = 0
-
-
-@inlined()
-def indices(first: int, end: int) -> range:
-    """range(first, end), not negative, as unsigned integers, over which loops are vectorised."""
-    return range(np.uintp(first), np.uintp(end))

@@ -33,6 +33,7 @@ from distretarget.objectives.clip import Clip
 from distretarget.objectives.contact_zones import APART, IS_HARD, ContactZones, gaps_of_pairs
 from distretarget.objectives.floor import FLOOR_SPAN
 from distretarget.objectives.mesh_gaps import false_overlap, mesh_correction
+from distretarget.objectives.passages import overlap_of_passages
 from distretarget.objectives.sliding import stillness
 from distretarget.objectives.supports import Supports
 from distretarget.skin.balls import NEVER, Balls, mean_radii, segment_gaps
@@ -144,9 +145,41 @@ def _displaced(
     if targets is not None:
         frames, zones = _with_targets(frames, zones, targets)
     bend = partial(limb_displacements, body.balls, body.displaced, zones)
-    if body.surface is None:
-        return bend(frames, body.limbs, *shots, REACH)
-    overlap = false_overlap(body, zones, pairs, posed, first, skins.least_gap)
+    overlap = None if body.surface is None else _false_overlap(clip, skins, posed, zones, found, first, targets)
+    start = np.zeros((len(clip), len(body.limbs), 2, 3))
+    if overlap is None or targets is not None or not skins.are_alike:  # else limbs are on their sides already
+        more = 0.0 if overlap is None else np.where(are_hard, overlap[:, zones.of_pair], 0.0)
+        soft = np.maximum(frames.soft, more)
+        start = start_displacements(body.balls, body.displaced, frames._replace(soft=soft), *shots)
+
+    def solved(frames: Frames) -> tuple[Array, Array]:
+        """Return the displacements, and how far segments may overlap on the mesh."""
+        if overlap is None:
+            return bend(frames, body.limbs, *shots, REACH, start), frames.soft
+        d = start
+        for steps in ROUNDS:
+            now = bent(posed, body.limbs, body.unit * d)
+            farther = -corrected(body, zones=zones, motion=now, touching=frames.firmness, overlap=overlap)
+            farther[:, found:] = 0.0
+            soft = np.where(are_hard, frames.soft + farther[:, zones.of_pair], frames.soft)
+            on_mesh = frames._replace(soft=soft, target_gaps=frames.target_gaps - farther)
+            d = bend(on_mesh, body.limbs, *shots, REACH, d, steps)
+        return d, soft
+
+    d, soft = solved(frames)
+    ends = body.posed(bent(posed, body.limbs, body.unit * d))
+    more = overlap_of_passages(body, ends, soft, start, *shots)
+    return solved(frames._replace(soft=frames.soft + more))[0] if more.any() else d
+
+
+def _false_overlap(
+    clip: Clip, skins: Skins, posed: Motion, zones: ContactZones, found: int, first: int, targets: LimbTargets | None
+) -> Array:
+    """(frames, zones), how far capsules overlap where the mesh does not; arguments as in `_displaced`, and the number
+    of zones that were `found`, to which those of the user are added.
+    """
+    pairs = skins.target.balls.pairs
+    overlap = false_overlap(skins.target, zones, pairs, posed, first, skins.least_gap)
     # The mesh of an arm that has passed through another arm is outside of it, too: the source's has to be as well.
     on_arms = np.isin(zones.groups, GROUP[:-1][IS_ARM])
     if targets is not None:
@@ -154,18 +187,7 @@ def _displaced(
     of_source = false_overlap(skins.source, zones, pairs, clip.source, first, skins.least_gap)
     overlap[:, on_arms] = np.minimum(overlap, of_source)[:, on_arms]
     overlap[:, found:] = 0.0  # the user's gaps are those of capsules
-    d = np.zeros((len(clip), len(body.limbs), 2, 3))
-    if targets is not None or not skins.are_alike:  # else limbs are on their sides already
-        soft = np.maximum(frames.soft, np.where(are_hard, overlap[:, zones.of_pair], 0.0))
-        d = start_displacements(body.balls, body.displaced, frames._replace(soft=soft), *shots)
-    for steps in ROUNDS:
-        now = bent(posed, body.limbs, body.unit * d)
-        farther = -corrected(body, zones=zones, motion=now, touching=frames.firmness, overlap=overlap)
-        farther[:, found:] = 0.0
-        soft = np.where(are_hard, frames.soft + farther[:, zones.of_pair], frames.soft)
-        on_mesh = frames._replace(soft=soft, target_gaps=frames.target_gaps - farther)
-        d = bend(on_mesh, body.limbs, *shots, REACH, d, steps)
-    return d
+    return overlap
 
 
 def _source_contacts(

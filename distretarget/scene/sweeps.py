@@ -1,9 +1,10 @@
-"""Solve a scene. Performers whose trunks overlap are moved apart. Then follow sweeps, which solve each performer by
-itself with springs to the present positions of the others and of props.
+"""Solve a scene. Performers whose trunks overlap, or a trunk and thighs, are moved apart. Then follow sweeps, which
+solve each performer by itself with springs to the present positions of the others and of props.
 
-Balls along the capsules of trunk and head show how far to move two performers: along the floor, or upwards where one
-sits or lies on the other in the source. Some overlap is allowed: the depth of soft tissue and, side by side, as much as
-the sources overlap. The offset changes mostly while somebody steps; a resting foot moves by its mean over the rest.
+Balls along the capsules of trunk, head and thighs show how far to move two performers: along the floor, or upwards
+where one sits or lies on the other in the source. Some overlap is allowed: the depth of soft tissue and, side by side,
+as much as the sources overlap. The offset changes mostly while somebody steps; a resting foot moves by its mean over
+the rest.
 
 The first sweep has no springs between performers; hips stay where it puts them. Later sweeps change limbs and trunk,
 smoothly in time. With user constraints, the scene is solved without and with them, and blended. A body of finite
@@ -143,15 +144,15 @@ def _separations(
             for number, share in zip(numbers, (shares * [1.0, -1.0]).T, strict=True):
                 moves[number] += unit * (share * offset)[:, None] * along
 
+    is_on, shares = np.zeros(len(sideways), bool), free / np.maximum(free.sum(axis=1)[:, None], 1.0)
     for of_source, of_target in ((sources, targets), cores(IS_SEAT, IS_THIGH)):
-        one, other = of_source
-        to_clear = [one.distance_to_clear(other, along, -TOUCH, -1.0) for along in (sideways, upwards)]
-        is_on = by_shot(run_means, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
-        yield partial(separate, of_target, upwards, np.where(is_on, 0.0, np.inf), free * [1.0, 0.0])
-        if of_target is targets:
-            allowed = np.where(is_on, np.inf, sources[0].distance_to_clear(sources[1], sideways, 0.0))
-            shares = free / np.maximum(free.sum(axis=1)[:, None], 1.0)
-            yield partial(separate, targets, sideways, allowed, shares)
+        to_clear = [of_source[0].distance_to_clear(of_source[1], along, -TOUCH, -1.0) for along in (sideways, upwards)]
+        above = by_shot(run_means, shots, np.subtract(*to_clear)[:, None], np.min(to_clear, axis=0))[:, 0] > 0.0
+        yield partial(separate, of_target, upwards, np.where(above, 0.0, np.inf), free * [1.0, 0.0])
+        is_on |= above
+    for of_source, of_target in ((sources, targets), cores(IS_THIGH, IS_CORE), cores(IS_CORE, IS_THIGH)):
+        allowed = np.where(is_on, np.inf, of_source[0].distance_to_clear(of_source[1], sideways, 0.0))
+        yield partial(separate, of_target, sideways, allowed, shares)
 
 
 def _slowed(distances: Array, speed: Array, frames: float) -> Array:

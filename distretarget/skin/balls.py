@@ -76,10 +76,10 @@ def balls_of(capsules: Capsules, posed: Array) -> Balls:
     of_capsule = np.searchsorted(capsules.segments, segments)
     pairs = np.array(_touching_segments(), np.intp)
     pairs = pairs[(np.diff(of_ball)[pairs[:, 0]] > 0) & (np.diff(of_capsule)[pairs[:, 1]] > 0)]
-    gap_offsets = np.full((len(carriers), len(capsules)), NEVER)
-    balls = Balls(carriers, fractions, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, gap_offsets)
+    none, gap_offsets = np.zeros((0, 0)), np.full((len(carriers), len(capsules)), NEVER)
+    balls = Balls(carriers, fractions, radii, capsules.joints, capsules.radii, of_ball, of_capsule, pairs, none)
     _write_gap_offsets(balls, posed, np.zeros(3), np.zeros(8), gap_offsets)
-    return balls
+    return balls._replace(gap_offsets=gap_offsets)
 
 
 def _rows(capsules: Capsules) -> tuple[Numbers, Array]:

@@ -16,14 +16,13 @@ from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, cross
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
 from distretarget.skin.mesh import SAME_SHARE, SkinnedMesh
-from distretarget.skin.surface_gaps import Bound, GapWorkspace, Points, Runs, write_gaps
+from distretarget.skin.surface_gaps import RUN, Bound, GapWorkspace, Points, Runs, write_gaps
 
 # The number of points of each segment: limbs are thin, and the parts that they touch are large.
 POINTS = {"hand": 220, "forearm": 180, "chest": 400, "belly": 300, "pelvis": 300, "head": 400, "thigh": 200}
 OTHER_POINTS = 120
 STEPS = (0.7548776662466927, 0.5698402909980532)  # of a low-discrepancy sequence on the unit square
 AT_CORNER = 0.98  # the barycentric coordinate of a point at a corner of its triangle
-RUN = 8  # the most points of a run of neighbours
 OBLIQUE = Rotation.from_euler("xyz", [0.5, 0.7, 0.9]).as_matrix()  # axes along which the corners of a box differ
 OF_SIDE = [np.array([name.startswith(side) for name in SEGMENTS]) for side in ("left", "right")]
 

@@ -18,8 +18,10 @@ from typing import NamedTuple
 import numpy as np
 
 from distretarget.numerics.compiled import Out, compiled, inlined
-from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1, indices
+from distretarget.numerics.vectors import B1, B2, F1, F2, F3, F4, I1
 
+RUN = 8  # the most points of a run of neighbours
+NOWHERE = 1e100  # a coordinate of no point
 INSIDE = 0.5  # the least winding number of a point inside
 FAR = 2.0  # a run farther away than this counts as one dipole [radii of its ball]
 
@@ -61,6 +63,7 @@ class GapWorkspace(NamedTuple):
     """Scratch for one frame."""
 
     placed: F2  # (points, 3), places
+    blocks: F3  # (runs, 3, RUN), these once more by runs, far away where a run has fewer points
     sides: F3  # (points, 3, 3), two edges and the normal of the triangle
     balls: F2  # (runs, 4), centre and radius
     have_balls: I1  # (segments,), whether the balls of a segment's runs are computed in this frame ...
@@ -71,7 +74,9 @@ class GapWorkspace(NamedTuple):
     near: I1  # (runs,), the runs of a part that may be near a limb ...
     around: F2  # (4, runs), ... their balls ...
     beyond: F1  # (runs,), ... and a number that is above 0 for those that are not near a run of the limb
-    nearer: I1  # (runs,), the runs of a part that may be near a run of the limb
+    nearer: I1  # (runs,), the runs of a part that may be near a run of the limb ...
+    enclosing: F2  # (4, runs), ... and their balls
+    chosen: I1  # (runs,), runs of such a list that pass a test
     lowest: I1  # (pairs,), the run that was lowest in the frame before, counted from the first of the limb
     deepest: I1  # (2,), the lowest point of a limb, and the point nearest to it
     ball: F1  # (4,), centre and radius of a ball round a limb
@@ -80,14 +85,15 @@ class GapWorkspace(NamedTuple):
     def of(cls, points: Points, pairs: int) -> GapWorkspace:
         """Return scratch for the gaps of so many pairs."""
         count, runs, segments = len(points.radii), len(points.runs.radii), len(points.runs.of_segment) - 1
-        placed, sides, ball, balls, around = (
-            np.zeros(shape) for shape in ((count, 3), (count, 3, 3), 4, (runs, 4), (4, runs))
+        placed, sides, ball, balls, around, enclosing = (
+            np.zeros(shape) for shape in ((count, 3), (count, 3, 3), 4, (runs, 4), (4, runs), (4, runs))
         )
         have_balls, have_sides, lowest, are_placed, near, nearer, have_dipoles, deepest = (
             np.zeros(size, np.intp) for size in (segments, count, pairs, runs, runs, runs, runs, 2)
         )
         known = balls, have_balls, are_placed, have_sides, have_dipoles, np.zeros((runs, 3))
-        return cls(placed, sides, *known, near, around, np.zeros(runs), nearer, lowest, deepest, ball)
+        near_ones = near, around, np.zeros(runs), nearer, enclosing, np.zeros(runs, np.intp)
+        return cls(placed, np.full((runs, 3, RUN), NOWHERE), sides, *known, *near_ones, lowest, deepest, ball)
 
 
 @compiled(fastmath=True)
@@ -159,7 +165,10 @@ def _place(points, posed, run, room):  # type: ignore[no-untyped-def]
     if room.are_placed[run] == 0:
         room.are_placed[run] = 1
         for point in range(points.runs.first[run], points.runs.first[run + 1]):
-            _write(points.places, posed, point, room.placed[point])
+            place = room.placed[point]
+            _write(points.places, posed, point, place)
+            for i in range(3):
+                room.blocks[run, i, point - points.runs.first[run]] = place[i]
 
 
 @inlined(fastmath=True)
@@ -244,31 +253,47 @@ def _find_nearer(ball, guess, count, farthest, room):  # type: ignore[no-untyped
     x, y, z, far, nearer = ball[0], ball[1], ball[2], farthest, 0
     if guess >= 0:
         far = min(far, np.sqrt(_square(ball, room.placed[guess])) + ball[3])
-    for n in indices(0, count):
+    for n in range(count):
         a, b, c = room.around[0, n] - x, room.around[1, n] - y, room.around[2, n] - z
         room.beyond[n] = a * a + b * b + c * c - (room.around[3, n] + ball[3] + far) ** 2
-    for n in range(count):
-        if room.beyond[n] <= 0.0:
-            room.nearer[nearer], nearer = room.near[n], nearer + 1
+    for n in range(count):  # without branches, which would be guessed wrong
+        room.chosen[nearer] = n
+        nearer += room.beyond[n] <= 0.0
+    for n in range(nearer):
+        which = room.chosen[n]
+        room.nearer[n] = room.near[which]
+        for i in range(4):
+            room.enclosing[i, n] = room.around[i, which]
     return nearer
 
 
 @inlined(fastmath=True)
 def _find_nearest(points, posed, p, guess, count, farthest, room):  # type: ignore[no-untyped-def]
     """The nearest point of the `nearer` runs, -1 if none is nearer than `farthest`, and its squared distance."""
-    runs, nearest, least = points.runs, -1, farthest * farthest
+    runs, nearest, least, x, y, z = points.runs, -1, farthest * farthest, p[0], p[1], p[2]
     if guess >= 0 and _square(p, room.placed[guess]) < least:
         nearest, least = guess, _square(p, room.placed[guess])
     distance = np.sqrt(least)
     for n in range(count):
-        run = room.nearer[n]
-        if _square(p, room.balls[run]) < (room.balls[run, 3] + distance) ** 2:
-            _place(points, posed, run, room)
+        a, b, c = room.enclosing[0, n] - x, room.enclosing[1, n] - y, room.enclosing[2, n] - z
+        far = room.enclosing[3, n] + distance
+        room.beyond[n] = a * a + b * b + c * c - far * far
+    found = 0
+    for n in range(count):
+        room.chosen[found] = room.nearer[n]
+        found += room.beyond[n] < 0.0
+    for n in range(found):
+        run, hits = room.chosen[n], 0
+        _place(points, posed, run, room)
+        block = room.blocks[run]
+        for k in range(block.shape[1]):
+            a, b, c = block[0, k] - x, block[1, k] - y, block[2, k] - z
+            hits += a * a + b * b + c * c < least
+        if hits > 0:
             for point in range(runs.first[run], runs.first[run + 1]):
                 square = _square(p, room.placed[point])
                 if square < least:
                     nearest, least = point, square
-            distance = np.sqrt(least)
     return nearest, least
 
 
