@@ -95,7 +95,7 @@ class Matching:
 
     @property
     def confidence(self) -> Array:
-        """(target joints,), the method's confidence times the similarity of path lengths to hips, head, hands and feet."""
+        """(target joints,), the confidence of the method, times the similarity of paths to hips, head, hands, feet."""
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         roles = [body.roles for body in (self.source, self.target)]
         marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
