@@ -1,4 +1,4 @@
-"""Which joint drives which: maps, equal names, parts of bodies, and refusals; and what follows nothing, in words."""
+"""Which joint drives which: maps, equal names, parts of bodies, and refusals; and what nothing drives, in words."""
 
 import re
 from dataclasses import replace
@@ -402,22 +402,25 @@ def test_a_body_that_follows_in_all_its_parts_needs_no_line():
 @pytest.mark.parametrize(
     ("explicit", "line"),
     [
-        ({}, "fingers of the target follow nothing"),
-        (none_of("Shoulder"), "shoulders and fingers of the target follow nothing"),
-        ({"mixamorig:LeftShoulder": None}, "left shoulder and fingers of the target follow nothing"),
-        (none_of("Hand"), "hands and fingers of the target follow nothing"),
-        (none_of("Arm", "ForeArm", "Hand", "ToeBase"), "arms, hands, fingers and toes of the target follow nothing"),
-        ({"mixamorig:RightToeBase": None}, "fingers and right toes of the target follow nothing"),
-        (none_of("Arm"), "2 arm joints and fingers of the target follow nothing"),
-        ({"mixamorig:Head": None}, "fingers and head of the target follow nothing"),
+        ({}, "no source joint drives fingers of the target"),
+        (none_of("Shoulder"), "no source joint drives shoulders and fingers of the target"),
+        ({"mixamorig:LeftShoulder": None}, "no source joint drives left shoulder and fingers of the target"),
+        (none_of("Hand"), "no source joint drives hands and fingers of the target"),
+        (
+            none_of("Arm", "ForeArm", "Hand", "ToeBase"),
+            "no source joint drives arms, hands, fingers and toes of the target",
+        ),
+        ({"mixamorig:RightToeBase": None}, "no source joint drives fingers and right toes of the target"),
+        (none_of("Arm"), "no source joint drives 2 arm joints and fingers of the target"),
+        ({"mixamorig:Head": None}, "no source joint drives fingers and head of the target"),
     ],
 )
 def test_parts_are_named_as_wholes_or_with_a_number(explicit, line):
     assert told(PERSON, ONTO, explicit)[0] == [line]
 
 
-def test_a_single_part_follows_nothing():
-    assert told(PERSON, PERSON, {"LeftCollar": None})[0] == ["left shoulder of the target follows nothing"]
+def test_a_single_part_without_a_driver_has_a_line():
+    assert told(PERSON, PERSON, {"LeftCollar": None})[0] == ["no source joint drives left shoulder of the target"]
 
 
 def test_joints_of_face_hair_and_twist_are_counted_in_a_line_of_their_own():

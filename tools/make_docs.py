@@ -151,10 +151,10 @@ METHODS = {  # patterns for the beginnings of the scoreboard's columns, by their
     "distretarget": "distretarget$",
 }
 FRONT = {  # patterns for the beginnings of its lines, by their names on the front page
-    "hands and forearms inside the body, % of their skin": "skin inside",
-    "touches of hands that are lost, % of the source's": "touches missed",
-    "how far feet slide, times the source's": "foot skate",
-    "how far limbs point elsewhere than in the source, degrees": "direction",
+    "skin of hands and forearms that is inside the body [%]": "skin inside",
+    "hand touches of the source that are lost [%]": "touches missed",
+    "foot sliding, relative to the source's [times]": "foot skate",
+    "error of limb directions against the source [degrees]": "direction",
     "frames per second on one core": "frames/s$",
 }
 

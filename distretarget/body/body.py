@@ -250,7 +250,8 @@ class Body:
 
         Normally the rest pose decides, so that a body may lie down in the motion. The motion decides if the body stands
         along another axis in it, with its feet at height 0, and neither lies nor sometimes stands at height 0 along the
-        rest pose's axis. A body that stands along neither shows its axis by a floor at height 0 over which it goes.
+        rest pose's axis. If the body stands along neither axis, the axis is the normal of the floor at height 0 on
+        which it moves.
         """
         if self.motion is None:
             return None

@@ -1,8 +1,8 @@
-"""Limbs of one bone, as of figures made of blocks: their End Sites, and sources with straightened limbs for them.
+"""Limbs of one bone, as in figures of blocks: their End Sites, and the straightening of a source's limbs for them.
 
-A straight leg reaches farther than a bent one. So the hips rise, averaged over time, by as much as the ankles of
-standing legs would be below their floor. An ankle's floor is its height while the foot rests, interpolated between
-rests, and never above the ankle. Legs that do not point down, as of a person who sits, turn up instead.
+A straight leg reaches farther than a bent one. Therefore the hips rise by the depth of the ankles of standing legs
+below their floor, averaged over time. An ankle's floor is its height while the foot rests, interpolated between
+rests, and never above the ankle. Legs that do not point down, such as those of a person who sits, turn up instead.
 """
 
 from __future__ import annotations

@@ -81,16 +81,16 @@ def _say_version(context: click.Context, _: click.Parameter, given: bool) -> Non
 @click.option("-v", "verbose", is_flag=True, is_eager=True, help="With --version, also show the compiled library.")
 @click.option("--version", is_flag=True, expose_value=False, callback=_say_version, help="Show the version and exit.")
 def cli(verbose: bool) -> None:
-    """Retarget motion to another body, so that hands that touch still touch and feet stay where they stand.
+    """Retarget motion to another body. Hands that touch still touch, and feet stay where they stand.
 
     \b
     distretarget walk.bvh hero.glb -o hero_walk.glb   one clip; short for: distretarget retarget
     distretarget batch FOLDER TARGET -o FOLDER        a folder of clips
-    distretarget audit FOLDER                         faults of the clips
+    distretarget audit FOLDER                         find faults in the clips
     distretarget scene A.bvh B.bvh -t TARGET -o DUET  performers who share a world
     distretarget contacts CLIP -o FILE                the contacts in a clip, to edit
-    distretarget diff A.bvh B.bvh -o REPORT.html      how far B is from A
-    distretarget skeleton match SOURCE TARGET         which joint drives which
+    distretarget diff A.bvh B.bvh -o REPORT.html      measure B against A
+    distretarget skeleton match SOURCE TARGET         the joint that drives each joint
     distretarget skeleton show FILE                   the joints of a file and their bone lengths
     distretarget view FILE                            a motion or character in the browser
     """  # noqa: D301

@@ -43,9 +43,9 @@ def audit_command(
 ) -> None:
     """Find faults in the clips of a folder.
 
-    Without a target: poses before the motion begins, cuts, joints that jump or flip, frozen and repeated frames, feet
+    Faults are poses before the motion begins, cuts, joints that jump or flip, frozen and repeated frames, feet
     that skate or go below the floor, bones that stretch, wrong units, axes, frame times and sides, duplicates, and
-    files that cannot be read. FOLDER may also be a file. Exit status 1 if a clip has a fault.
+    files that cannot be read. FOLDER may also be a file. If a clip has a fault, the exit status is 1.
 
     \b
     distretarget audit mocap

@@ -51,15 +51,15 @@ LONGEST_PATH = 40_000  # more than any system allows [characters]
     "targets",
     multiple=True,
     type=PATH,
-    help="A target; SOURCES then has none. May be given several times; each target gets its own folder of results.",
+    help="A target, in place of TARGET. May be given several times; each target gets its own folder of results.",
 )
 @click.option(
     "--include",
     multiple=True,
     metavar="GLOB",
-    help="Retarget only files whose name or path in the folder matches, or with a / at the end, whose folder does.",
+    help="Retarget only files whose name or path in the folder matches. A pattern that ends in / matches folders.",
 )
-@click.option("--exclude", multiple=True, metavar="GLOB", help="Leave out such files.")
+@click.option("--exclude", multiple=True, metavar="GLOB", help="Leave out files that match, or folders.")
 @click.option(
     "--input-list",
     type=click.File(encoding="utf-8-sig", errors="surrogateescape"),
@@ -90,7 +90,7 @@ LONGEST_PATH = 40_000  # more than any system allows [characters]
     "--jobs", type=click.IntRange(1), metavar="N", help="The number of processes. Default: one for each available core."
 )
 @click.option("--dask", metavar="ADDRESS", help="Use the Dask cluster with this scheduler: tcp://HOST:PORT.")
-@click.option("--overwrite", is_flag=True, help="Retarget everything again, and replace files that no batch made.")
+@click.option("--overwrite", is_flag=True, help="Retarget all clips again, and replace files that no batch made.")
 @click.option(
     "--time-limit",
     type=click.FloatRange(*TIME_LIMITS),

@@ -35,9 +35,9 @@ def contacts_command(
 ) -> None:
     """List the contacts that are found in CLIP.
 
-    These are parts of the body that touch each other, and parts that rest on the world. Frames count from 0. Gaps are
-    measured on the skin of an average body with the performer's bones. Give the TARGET of the retargeting if its parts
-    have other names. Edit the file that -o writes, and give it to --contacts.
+    A contact is two parts of the body that touch, or a part that rests on the floor or on something else. Frames count
+    from 0. Gaps are between skins, of an average body with the performer's bones. Give TARGET, too, if
+    its joints have other names. Edit the file that -o writes, and give it to --contacts.
 
     \b
     distretarget contacts clap.bvh

@@ -45,11 +45,11 @@ from distretarget.target import Target
 
 MOST_GAPS = 10  # rows of the table of gaps that are printed
 MOST = 5  # frames and contacts that are printed
-RATIOS = " and ".join(metric.key for metric in METRICS if metric.judged == "ratio")
+RATIOS = ", ".join(metric.key for metric in METRICS if metric.judged == "ratio")
 FAIL_OVER_HELP = (
     f"Exit with status 1 if a metric is over a limit. METRIC is one of {', '.join(BY_KEY)}. The limit is for the value "
-    f"of B; for {RATIOS}, for its ratio to the value of A. In scenes it is for each performer; a whole scene has the "
-    f"metric {GAP_ERROR}: the error of gaps between parts in contact in A, in % of a leg. May be given several times."
+    f"of B; for {RATIOS}, for the ratio B / A. In scenes the limit is for each performer; a whole scene has the "
+    f"metric {GAP_ERROR}: the error of gaps between parts in contact in A [% of leg]. May be given several times."
 )
 
 
@@ -109,11 +109,12 @@ def diff_command(
     """Measure the motion of B against that of A, the reference. Both are files with motions: BVH,
     glTF, VRM, VRMA or FBX.
 
-    Their skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
+    Skeletons, frame times and numbers of frames may differ: A is resampled at B's frame time, and the longer clip
     is cut. - means standard input or output.
 
-    To compare two scenes, give two folders with a file for each performer and prop, with the same names in both, or a
-    SCENE.json for either. Each performer is measured, and the gaps in B between parts that touch in A.
+    To compare two scenes, give two folders with a file for each performer and prop, with the same names in both; or a
+    SCENE.json in place of a folder. The metrics are those of each performer, and the gaps in B between parts that touch
+    in A.
 
     \b
     distretarget diff walk.bvh walk_hero.bvh

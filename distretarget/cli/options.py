@@ -200,16 +200,16 @@ RETARGETING = (
         metavar="[auto|average|BUILD|none|FILE]",
         default="auto",
         show_default=True,
-        help="The thickness of TARGET, so that skin touches but does not sink in. auto: that of its mesh or the radii "
-        "in its file, else none. average: that of an adult, child or baby, depending on its bones. BUILD: "
-        f"{', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: no thickness. FILE: that of the character in this file, of "
+        help="The thickness of TARGET, so that skin touches but does not sink in. auto: from the mesh or the radii in "
+        "TARGET, else none. average: of an adult, child or baby, depending on the bones. BUILD: "
+        f"{', '.join(BUILDS[:-1])} or {BUILDS[-1]}. none: no thickness. FILE: of the character in this file, with "
         "any size and names.",
     ),
     click.option(
         "--source-skin",
         type=PATH,
         metavar="[BUILD|FILE]",
-        help="The thickness of SOURCE's performer, a BUILD or FILE as in --skin. Default: that of the mesh in SOURCE, "
+        help="The thickness of SOURCE's performer, a BUILD or FILE as in --skin. Default: from the mesh in SOURCE, "
         "else of an average adult, child or baby.",
     ),
 )
@@ -243,7 +243,7 @@ EDITING = (
         type=click.FloatRange(*SPEEDS),
         metavar="FACTOR",
         default=1.0,
-        help="Play it this many times as fast.",
+        help="Play the motion this many times as fast.",
     ),
     click.option("--mirror", is_flag=True, help="Exchange left and right."),
     click.option(

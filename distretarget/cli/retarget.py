@@ -81,8 +81,8 @@ def _take_project(context: click.Context, _option: click.Parameter, path: Path |
 @click.option("--add", is_flag=True, help="If OUTPUT exists and is a result on the same TARGET, add the motion to it.")
 @conversion_options(
     contacts_option(
-        help="Contacts to drop, add or change, parts to plant, distances and directions to keep; 'distretarget "
-        "contacts' lists those that are found, and writes such a file to edit."
+        help="Contacts to drop, add or change, parts to hold in place, distances and directions to keep. "
+        "'distretarget contacts' writes such a file to edit."
     )
 )
 @STRIP_NAMESPACE_OPTION
@@ -113,10 +113,9 @@ def retarget_command(
     """Retarget the motion of SOURCE to the body of TARGET.
 
     SOURCE is BVH, glTF (.glb, .gltf), VRM, a VRM animation (.vrma), FBX, or arrays (.npz, .npy): parameters of SMPL, or
-    positions of joints, with --skeleton. TARGET is a character, in the same formats,
-    or a skeleton file (.json). Names, rest pose and axes may differ from those of SOURCE; 'distretarget skeleton match'
-    shows which joint drives which. A glTF or VRM character can be written with its mesh and the motion. - means
-    standard input or output.
+    positions of joints, with --skeleton. TARGET is a character, in the same formats, or a skeleton file (.json). Names,
+    rest pose and axes may differ from SOURCE; 'distretarget skeleton match' shows the pairs of joints. A glTF or VRM
+    character can be written with its mesh and the motion. - means standard input or output.
 
     \b
     distretarget walk.bvh hero.glb -o hero_walk.glb

@@ -120,11 +120,10 @@ def scene_command(
 ) -> None:
     """Retarget performers who share a world.
 
-    SOURCES are their motion files, with the same frames. Each performer gets a body; hands that hold each other still
-    do so on the new bodies. Results are named after the sources. A single SCENE.json describes all of that, and the
-    props that the performers touch. Given a folder, every scene.json below it is retargeted, to the same place below
-    OUTPUT; scenes that are done and unchanged, by results.sqlite in OUTPUT, are skipped, and one that fails stops no
-    other.
+    SOURCES are the motion files of the performers, with the same frames. Hands that hold each other still do so on the
+    new bodies. Results have the names of the sources. SOURCES may also be a SCENE.json, which describes performers,
+    targets, and props that the performers touch; or a folder: then every scene.json below it is retargeted, to the same
+    subfolder of OUTPUT. Scenes that are done and unchanged are skipped. If a scene fails, the next ones still run.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet

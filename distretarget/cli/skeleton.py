@@ -174,8 +174,7 @@ def match_command(
     If source and target have different numbers of joints in the spine or neck, a target joint may blend two source
     joints.
 
-    Give the map to 'distretarget retarget' with --map. It has null for joints without a driver, and the pose of --rest,
-    by which all clips of the rig are then aligned.
+    Give the map to 'distretarget retarget' with --map. It has null for joints without a driver, and the pose of --rest.
 
     \b
     distretarget skeleton match walk.bvh robot.bvh

@@ -95,7 +95,7 @@ class Matching:
 
     @property
     def confidence(self) -> Array:
-        """(target joints,), that of the method, times the similarity of path lengths to hips, head, hands and feet."""
+        """(target joints,), the confidence of the method, times the similarity of paths to hips, head, hands, feet."""
         by_method = np.array([CONFIDENCE[method] for method in self.method])
         roles = [body.roles for body in (self.source, self.target)]
         marks = [mark for mark in LANDMARKS if mark in roles[0] and mark in roles[1]]
@@ -269,7 +269,7 @@ class Matching:
 
     @property
     def with_untilted_soles(self) -> Matching:
-        """The matching with soles that leave out how much more one rest pose tilts the feet than the other does, as far
+        """The matching with soles corrected for feet that one rest pose tilts more than the other, as far
         as a motion shows it.
         """
         if self.legs is None:

@@ -33,8 +33,7 @@ def parts_without_source(matching: Matching) -> Iterator[str]:
     if anatomy and lost and len(set(still) - _of_body(anatomy)) >= 2 * len(lost):
         yield f"{_listed(lost)} of the target not recognised, so they do not move: name their joints in a map"
     if anatomy and (parts := [*_parts(anatomy, still)]):
-        verb = "follow" if len(parts) > 1 or parts[0].endswith("s") else "follows"
-        yield f"{_listed(parts)} of the target {verb} nothing"
+        yield f"no source joint drives {_listed(parts)} of the target"
 
 
 def others_without_source(matching: Matching) -> Iterator[str]:

@@ -54,9 +54,9 @@ class Comparison:
     Attributes:
         contacts: the self-contacts of the source, and how well the result keeps them.
         stance: (frames, foot joints), whether ankle and toe of each leg rest in the source.
-        others_rest: (frames, joints), the same of other joints, of those that rest in some frame.
+        others_rest: (frames, joints), whether other joints rest in the source; joints that never rest are left out.
         source_tracks: the tracks of the source's metrics.
-        tracks: those of the result, without those of a run: stress, pops, frames not converged and so on.
+        tracks: the tracks of the result's metrics, except those that need a run: stress, pops, frames not converged.
     """
 
     contacts: Contacts

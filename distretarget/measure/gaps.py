@@ -141,7 +141,7 @@ class Overlap(NamedTuple):
     def sentence(self) -> str:
         """The line that the command prints."""
         parts = " - ".join(self.parts)
-        return f"up to {self.depth:.1f} % of the height in each other, deepest in frame {self.frame} ({parts})"
+        return f"the bodies overlap by up to {self.depth:.1f} % of the height, most in frame {self.frame} ({parts})"
 
 
 def measure_overlap(motions: Sequence[Motion], skins: Sequence[Skin]) -> Overlap:

@@ -100,10 +100,10 @@ class Metric:
         missing: why a clip may have no value; empty if every clip has one.
         track: the key of its track, if that is another metric's.
         worst_by: the key of the metric whose worst frame and part are given, if values of this one are yes or no.
-        middle_of_touches: whether only the middle third of each touch counts: the others show how early it begins.
+        middle_of_touches: whether only the middle third of each touch counts; the rest depends on its timing.
         reduction: how the track's values become the metric; "worst part" is the part with the largest mean.
         judged: what `--fail-over` limits: the value, of which 0 is best, or its ratio to the source's value.
-        still: source values up to this are rounding errors; ratios are to at least this.
+        still: source values up to this are rounding errors; ratios divide by at least this.
         limit: the value above which a run has a warning; None for no limit.
         compared_with_copy: whether a run has a remark if the rotation copy is better by more than `least`.
         superseded_by: the key of the metric that is judged in place of this one, if it has a value.

@@ -1,7 +1,7 @@
 """Foot lock: when feet rest on the floor, and where the target's feet are locked.
 
-A foot rests while it is slow and low. It keeps its rotation of the rotation copy, stands below its own hip joint as the
-source's does, and its sole meets the floor as the source's does:
+A foot rests while it is slow and low. It keeps the rotation of the rotation copy. Its place relative to its hip joint
+and the height of its sole are the source's, scaled:
 
     toe = scale source toe + steadied (longer + wider) + a (longer - its average over 0.05 s), along the floor
         + (how far the copied sole is below the toe - scale the source's) up
@@ -9,11 +9,11 @@ source's does, and its sole meets the floor as the source's does:
     wider = (copied hip joint - middle of the copied hips) - scale (the same of the source), along the floor
     ankle = toe + copied foot
 
-So the sole has the source's height, scaled. "Steadied" is the mean over the time for which the source's foot stands
-still; it may change as far as the source's foot slides. So legs are on average splayed as the source's, and feet do not
-skate. a is 0 while the foot rolls about its toe and 1 while it turns about its ankle, which then stays in place. Feet
-that stand beside each other under narrow hips come no nearer than a foot's width. Legs of animals have more bones,
-which decide where feet stand: there "longer + wider" is the copied toe less the source's, scaled.
+"Steadied" is the mean over the time for which the source's foot stands still; the mean changes only as far as the
+source's foot slides. Legs are therefore spread as the source's on average, and feet do not skate. a is 0 while the foot
+rolls about its toe, and 1 while it turns about its ankle, which then stays in place. Feet beside each other under
+narrow hips keep at least a foot's width apart. Legs of animals have more bones, which decide where feet stand: there
+"longer + wider" is the copied toe less the source's, scaled.
 
 While a foot of the source rests, its sole does not rise or sink, and on a level floor all soles are equally high
 (`level_on_floor`). The height of a sole computed from joints drifts, so it is smoothed within each rest. From one rest

@@ -1,18 +1,19 @@
-"""Heel lift: a foot that is longer than the source's is less steep on its toes, and its toes bend.
+"""Heel lift: a long foot that stands on its toes is turned towards the floor, and its toes bend.
 
-On its toes a foot is a lever: the longer it is, the higher is its ankle. Where one foot alone stands on its toes, no
-height of the hips suits both legs then: the knee above the longer foot bends more than the source's, and hips that
-follow the ankles jolt. So each bone of a resting foot is turned from its direction b towards that in a flat foot by
+When a foot stands on its toes, a longer foot lifts its ankle higher. If only one foot does so, no height of the hips
+suits both legs: the knee above the longer foot bends more than the source's, and hips that follow the ankles jolt.
+Therefore each bone of a resting foot is turned from its direction b towards its direction in a flat foot by
 
     share (angle from flat to b) b x n,    share = 1 - (lift of the source's heel, scaled + ROLL) / (own lift + ROLL)
 
-with n the normal of the sole: about the sideways axis of the foot, also where it points straight down. A foot on its
-edge or back would roll over in this way, so n is blended into the direction up as the sole turns from the floor; a bone
-that points straight down then does not turn. The angle falls to 0 for a foot whose sole faces upwards. The heel lift
-that remains raises the hips (`foot_lock.hips_rise`).
+with n the normal of the sole: a rotation about the sideways axis of the foot, even if the foot points straight down. A
+foot on its edge or back would roll over in this way. Therefore n is blended into the direction up as the sole turns
+away from the floor; a bone that points straight down then does not turn. The angle falls to 0 for a foot whose sole
+faces upwards. The heel lift that remains raises the hips (`foot_lock.hips_rise`).
 
 If the source's feet end at the ball, nothing drives the target's toes. They would point into the floor with the foot
-and lift the ankle by their length. So in resting feet they turn up until they point as in a flat foot, never down.
+and lift the ankle by their length. In resting feet, toes therefore turn up to their direction in a flat foot, never
+down.
 """
 
 from __future__ import annotations

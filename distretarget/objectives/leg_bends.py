@@ -1,7 +1,7 @@
 """Bends of legs in the rotation copy before it is solved: feet that swing, and knees that bend backwards.
 
-With longer feet, or legs of another build, a swinging foot would pass under the floor where the source's passes just
-over it. Then the knee bends so that the ankle is higher by
+The source's swinging foot passes just over the floor; a longer foot, or one on other legs, would pass through it. Then
+the knee bends, and raises the ankle by
 
     lift = floor + min(source's sole over its floor, scaled, CLEARANCE) - lowest point of the copied foot
 
@@ -9,9 +9,8 @@ if that is positive, widened in time: the foot begins to rise before, and comes 
 height of its sole at rest, interpolated between rests; without any rest, as on a treadmill, the lowest height of any
 sole. The foot keeps its rotation.
 
-Straight legs in motion capture often bend a little backwards. Where a foot rests nearer to the hips than in the copy,
-its knee bends more than the copied one: farther backwards, and it would snap to the front when the copied knee does. So
-such knees are straightened.
+Straight legs in motion capture often bend a little backwards. If a foot rests nearer to the hips than in the copy, the
+knee would bend farther backwards, and snap to the front when the copied knee does. Such knees are straightened.
 """
 
 from __future__ import annotations

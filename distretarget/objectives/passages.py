@@ -1,8 +1,8 @@
 """Limbs that pass through a body, from one side of it to the other, pass slowly.
 
-On another body no way round may be left, as for short arms that reach over a large head. A limb that has to be on one
-side in one frame and on the other in the next gathers speed before, and swings far beyond its path afterwards. So about
-a passage it may overlap the body by as much as its displacements on the two sides differ.
+On some targets no way round the body is left, such as for short arms that reach over a large head. A limb that has to
+be on one side of the body in one frame and on the other side in the next would swing fast and far before and after.
+Therefore, near such a passage, the limb may overlap the body by the difference of its displacements on the two sides.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ def _as_motion(skeleton: Skeleton, joints: Numbers, positions: Array, frame_time
 
 
 def _fitted(skeleton: Skeleton, source: Motion, scale: float, shown: Flags) -> Motion:
-    """The motion whose bones have the source's directions, from the root down, and whose root has its path, scaled."""
+    """The motion with the directions of the source's bones, and with the path of the source's root, scaled."""
     frames = len(source)
     local, hinges = np.tile(skeleton.rest_rotations, (frames, 1, 1)), _hinges(skeleton)
     world: list[Rotation] = []

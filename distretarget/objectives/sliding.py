@@ -1,4 +1,4 @@
-"""Hands that only brush by, as those of arms that swing past the trunk: they make no contact."""
+"""Hands that only slide past a part of the body, such as those of arms that swing past the trunk: no contacts."""
 
 from __future__ import annotations
 

@@ -145,7 +145,7 @@ class Edits:
 
     Attributes:
         start: the start of the part that is kept; None for that of the clip.
-        end: the end of this part, likewise.
+        end: the end of the part that is kept; None for that of the clip.
         speed: how many times as fast it is.
         mirror: whether left and right are exchanged.
         turn: to the left about the vertical through the origin [degrees].
@@ -274,8 +274,8 @@ Carry = tuple[Rotation, Array]
 
 
 def looped(motion: Motion, carry: Carry | None = None) -> Motion:
-    """Return a motion whose last frame leads to its first without a jump: poses and speeds about the seam are bent to
-    the means of both sides.
+    """Return a motion whose last frame leads to its first without a jump: near both ends, poses and speeds are blended
+    to the means of the two ends.
 
     From round to round the body is moved and turned by `carry`, that of another motion or by default its own.
 

@@ -47,11 +47,11 @@ def find_contacts(
 ) -> ContactList:
     """Return the contacts that `retarget` finds in a motion: parts of the body that touch, and parts that rest.
 
-    Each entry keeps the contact as it is found, and so changes nothing until it is edited.
+    An unedited entry keeps the contact as it is found, and changes nothing.
 
     Args:
         motion: the source.
-        target: the body it is to be retargeted to, whose parts are named; the source's own by default.
+        target: the body to retarget to; entries name its parts. By default the source's own body.
         joint_map: as in `retarget`.
         settings: as in `retarget`.
 

@@ -394,7 +394,7 @@ class RetargetResult:
             yield Remark(
                 f"resting joints do not reach their places in {len(frames)} of {len(short)} frames (first: frame "
                 f"{frames[0]}): {quoted(short_of)}; most: {most} in frame {worst}, {missing:.1f} % of a leg away"
-                f"{', by reach: the leg is straight' if stretched else ''}",
+                f"{', because the leg is straight' if stretched else ''}",
                 int(worst),
                 most,
             )

@@ -198,7 +198,7 @@ def _mesh_data(mesh: SkinnedMesh, turn: Quaternion, unit: float) -> dict[str, An
 
 
 def _materials(looks: Looks) -> Iterator[dict[str, Any]]:
-    """The materials in use, those of the most triangles first, with their images until `IMAGES` is used up."""
+    """The materials in use, by the number of their triangles, most first; images only up to `IMAGES` in total."""
     counts = np.bincount(looks.of_triangle + 1, minlength=len(looks.materials) + 1)
     numbers = [number for number in np.argsort(-counts, kind="stable").tolist() if counts[number]]
     materials = [looks.materials[number - 1] if number else Material() for number in numbers]

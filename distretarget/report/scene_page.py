@@ -101,7 +101,7 @@ def _skin_gaps_of(result: SceneResult, names: Sequence[str]) -> Table:
         overlap, frames = result.overlaps[i, j], str(gap.frames if gap else 0)
         rows.append([f"{names[i]} and {names[j]}", frames, *cells, f"{overlap.depth:.1f}", overlap.frame])
     title = "Gaps between skins that touch in the source: their difference from the source\u2019s, in % of the height"
-    columns = ["between", "frames", "mean", "worst frame", "parts", "in each other", "deepest frame"]
+    columns = ["between", "frames", "mean", "worst frame", "parts", "overlap", "deepest frame"]
     return Table(title=title, columns=columns, rows=rows)
 
 

@@ -63,15 +63,15 @@ class SceneResult:
         results: one for each performer, in their order.
         props: one for each prop, in their order.
         world_scale: target units per source unit along the floor.
-        longest_strides: for each performer, the largest factor by which its strides may exceed those that its own
-            `root_scale` makes before its legs are too short.
+        longest_strides: for each performer, the longest strides that its legs allow, relative to the strides with its
+            own `root_scale`.
         gaps: the gap between each pair in source (A) and result (B); None if nothing touches.
         copy_gaps: the same in source and rotation copy.
         skin_gaps: how well the gaps between skins are kept, for each two performers that have skins; None if no
             skins touch.
-        overlaps: where each two performers that have skins are deepest in each other.
+        overlaps: for each two performers that have skins, the frame and parts with the deepest overlap.
         sweeps: how many times all performers were solved.
-        gap_error: the mean difference between gaps and what they should be, after the last sweep [leg lengths].
+        gap_error: the mean error of the gaps after the last sweep [leg lengths].
         units: for each performer, its target file's units per unit of the world, whose unit is the first target's.
     """
 
@@ -113,16 +113,16 @@ def retarget_scene(
 ) -> SceneResult:
     """Retarget several performers who share a world, and keep the contacts between them.
 
-    The world has one scale along the floor, so that performers meet; each has its own scale upwards, so that it stands
-    on the floor. Joints of two performers that come near each other are drawn to each other, joints that come near a
-    prop to their places on it. Each performer is solved by itself, at first without the others; then all are solved
-    again while the gaps are off. The order of performers does not matter.
+    The world has one scale along the floor, so that performers meet; heights have the scale of each performer, so that
+    all stand on the floor. Joints of two performers that come near each other are drawn to each other, joints that come
+    near a prop to their places on the prop. Each performer is first solved alone. While the gaps are wrong, each is
+    solved again with springs to the others. The order of performers does not matter.
 
-    Where some bodies look to -Z by convention, as in VRM 0, and others do not, all results look to +Z; files are
-    written in the convention of their characters.
+    If only some bodies face -Z by convention, as in VRM 0, all results face +Z; files are written in the convention of
+    their characters.
 
-    Root scales that differ by more than five times show that files are in different units: then results are in the
-    unit of the first target, and `SceneResult.motions` in those of their targets.
+    Root scales that differ by a factor of more than five mean that files are in different units. Results are then in
+    the unit of the first target, and `SceneResult.motions` in the units of their targets.
 
     Args:
         sources: the performers' motions, in one world, with the same frames.
