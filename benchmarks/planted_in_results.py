@@ -134,10 +134,7 @@ FAULTS: dict[str, Fault] = {
         "wave",
         lambda s: s.turned("leftLowerArm", 40.0 * s.ahead, s.frames[len(s.motion) // 2 :][:1]),
     ),
-    "jitter of 0.5 degrees while a contact holds": (
-        "hands_on_hips",
-        lambda s: s.turned("leftUpperArm", _shaking(s, 0.5)),
-    ),
+    "jitter of 0.5 degrees in a contact": ("hands_on_hips", lambda s: s.turned("leftUpperArm", _shaking(s, 0.5))),
     "left and right exchanged": ("wave", lambda s: s.mirrored()),
     "half the path": ("walk", lambda s: _along_floor(s, 0.5)),
     "a drift of 0.1 leg lengths a second": (

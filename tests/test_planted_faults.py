@@ -25,7 +25,7 @@ BY = {
     "a hand 3 % of height in the belly": "skin_depth",
     "a head 30 degrees down": "head_tilt",
     "a pop of an elbow": "pop",
-    "jitter of 0.5 degrees while a contact holds": "shaking",
+    "jitter of 0.5 degrees in a contact": "shaking",
     "left and right exchanged": "direction_error_p99",
     "half the path": "foot_skate",
     "a drift of 0.1 leg lengths a second": "foot_skate",
