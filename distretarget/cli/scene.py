@@ -121,9 +121,10 @@ def scene_command(
     """Retarget performers who share a world.
 
     SOURCES are the motion files of the performers, with the same frames. Hands that hold each other still do so on the
-    new bodies. Results have the names of the sources. SOURCES may also be a SCENE.json, which describes performers,
-    targets, and props that the performers touch; or a folder: then every scene.json below it is retargeted, to the same
-    subfolder of OUTPUT. Scenes that are done and unchanged are skipped. If a scene fails, the next ones still run.
+    new bodies. Results have the names of the sources, with numbers if these are equal. SOURCES may also be a
+    SCENE.json, which describes performers, targets, and props that the performers touch; or a folder: then every
+    scene.json below it is retargeted, to the same subfolder of OUTPUT. Scenes that are done and unchanged are skipped.
+    If a scene fails, the next ones still run.
 
     \b
     distretarget scene lead.bvh follow.bvh -t hero.json -t child.json -o duet
@@ -159,6 +160,15 @@ def _scene_path(sources: Sequence[Path], options: dict[str, Any]) -> Path:
     return path
 
 
+def _names(files: Sequence[Path]) -> list[str]:
+    """The names of files without their endings; equal ones get numbers, as `take_1` and `take_2`."""
+    stems = [file.stem for file in files]
+    return [
+        stem if stems.count(stem) == 1 else f"{stem}_{1 + stems[:number].count(stem)}"
+        for number, stem in enumerate(stems)
+    ]
+
+
 def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
     """The scene that the command line describes."""
     given = {field: values for field in PER_PERFORMER if (values := options.pop(field))}
@@ -171,8 +181,8 @@ def _setup(sources: Sequence[Path], options: dict[str, Any]) -> SceneSetup:
     if "none" in given.get("skin", ()) and "source_skin" in given:
         raise click.UsageError("--skin none leaves out all thickness; leave out --source-skin.")
     performers = tuple(
-        PerformerFiles(name=file.stem, file=file, **dict(zip(given, each, strict=True)))
-        for file, *each in zip(sources, *map(cycle, given.values()), strict=False)
+        PerformerFiles(name=name, file=file, **dict(zip(given, each, strict=True)))
+        for name, file, *each in zip(_names(sources), sources, *map(cycle, given.values()), strict=False)
     )
     edits = Edits(**{name: options.pop(name) for name in EDITS})
     return SceneSetup(performers=performers, **options, edits=edits)
