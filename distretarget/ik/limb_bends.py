@@ -72,7 +72,7 @@ def bends(
     frames = Frames(*map(np.ascontiguousarray, frames))
     room, w = LimbWorkspace.of(balls, zones, count), _rotation_vectors(frames.limbs, start)
     stiffness = lengths(np.diff(frames.limbs, axis=2)).mean(axis=0) ** 2 * [UPPER, 1.0]
-    of_pair = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]  # the limb of each pair's balls
+    of_pair = limbs_of_pairs(balls, displaced)[:, 0]
 
     def write(own: Numbers, columns: Numbers, first: int, span: slice, x: Array, *terms: Array) -> None:
         """Turn limbs by x, (frames, n), in a span of frames counted from the `first`, and write the terms there."""
@@ -96,6 +96,15 @@ def bends(
     write_displacements(w, frames.limbs, room, d)
     d[(np.abs(d) < ROUNDED).all(axis=(2, 3))] = 0.0
     return d
+
+
+def limbs_of_pairs(balls: Balls, displaced: Displaced) -> Numbers:
+    """Return the limbs that carry the two segments of each pair, (pairs, 2), by `displaced.limbs`. The second is -1 for
+    no limb, and for a segment that does not move with one.
+    """
+    one = displaced.limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]
+    other = displaced.limbs[balls.of_capsule[balls.pairs[:, 1]]]
+    return np.stack([one, np.where(displaced.mutual, other, -1)], axis=1)
 
 
 def _around(flags: Flags, frames: float) -> list[slice]:

@@ -268,9 +268,7 @@ class Skin:
     height: float  # of the body [file units]
     can_touch: Flags  # (parts, segments), `TOUCHABLE`, if the body has both
     frames: PartFrames  # for the coordinates of touches
-    middles: (
-        Array  # (parts, 3), the mean of the points of each from its joint in `frames`, in the rest pose [file units]
-    )
+    middles: Array  # (parts, 3), of the points of each, from its joint in `frames` in the rest pose [file units]
 
 
 def find_skin(body: Body, capsules: Capsules, mesh: SkinnedMesh | None = None) -> Skin:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from distretarget.ik.limb_bends import TAU
+from distretarget.ik.limb_bends import TAU, limbs_of_pairs
 from distretarget.numerics.time_series import Shots, opening, smoothstep
 from distretarget.numerics.vectors import Array, Numbers, lengths
 from distretarget.objectives.body_skin import BodySkin
@@ -32,21 +32,12 @@ def overlap_of_passages(
         shots: (frames,); nothing passes through a body at a cut.
         frame_time: between frames [s].
     """
-    limbs, count = _limbs_of_pairs(body), start.shape[1]
+    limbs, count = limbs_of_pairs(body.balls, body.displaced), start.shape[1]
+    passing = _passing(body, ends, soft, limbs, count, TAU / frame_time)
+    passing[np.diff(shots) != 0] = 0.0
     more = np.zeros((len(start), count + 1))  # the last limb stands for all that no limb carries
-    if start.any():
-        passing = _passing(body, ends, soft, limbs, count, TAU / frame_time)
-        passing[np.diff(shots) != 0] = 0.0
-        more[:, :count] = _differences(start, passing, shots, TAU / frame_time)
+    more[:, :count] = _differences(start, passing, shots, TAU / frame_time)
     return np.asarray(more[:, limbs].max(axis=2))
-
-
-def _limbs_of_pairs(body: BodySkin) -> Numbers:
-    """(pairs, 2), the limb that carries each segment of a pair, -1 for none."""
-    balls, limbs = body.balls, body.displaced.limbs
-    one = limbs[balls.carriers[balls.of_ball[balls.pairs[:, 0]]]]
-    other = limbs[balls.of_capsule[balls.pairs[:, 1]]]
-    return np.stack([one, np.where(body.displaced.mutual, other, -1)], axis=1)
 
 
 def _passing(body: BodySkin, ends: Array, soft: Array, limbs: Numbers, count: int, tau: float) -> Array:

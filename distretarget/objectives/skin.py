@@ -148,8 +148,8 @@ def _displaced(
     overlap = None if body.surface is None else _false_overlap(clip, skins, posed, zones, found, first, targets)
     start = np.zeros((len(clip), len(body.limbs), 2, 3))
     if overlap is None or targets is not None or not skins.are_alike:  # else limbs are on their sides already
-        more = 0.0 if overlap is None else np.where(are_hard, overlap[:, zones.of_pair], 0.0)
-        soft = np.maximum(frames.soft, more)
+        of_mesh = 0.0 if overlap is None else np.where(are_hard, overlap[:, zones.of_pair], 0.0)
+        soft = np.maximum(frames.soft, of_mesh)
         start = start_displacements(body.balls, body.displaced, frames._replace(soft=soft), *shots)
 
     def solved(frames: Frames) -> tuple[Array, Array]:
@@ -167,6 +167,8 @@ def _displaced(
         return d, soft
 
     d, soft = solved(frames)
+    if not start.any():
+        return d
     ends = body.posed(bent(posed, body.limbs, body.unit * d))
     more = overlap_of_passages(body, ends, soft, start, *shots)
     return solved(frames._replace(soft=frames.soft + more))[0] if more.any() else d

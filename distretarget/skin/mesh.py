@@ -60,7 +60,7 @@ class SkinnedMesh:
     @cached_property
     def carriers(self) -> Numbers:
         """(vertices,), the joint with the largest weight of each vertex; of several the first."""
-        return with_largest_share(self.joints, self.weights)
+        return _with_largest_share(self.joints, self.weights)
 
     def owners(self, part_of: Numbers, triangles: Numbers) -> Numbers:
         """Return the part that moves most of each triangle, (n,), by the skin weights of its corners.
@@ -72,7 +72,7 @@ class SkinnedMesh:
         parts = part_of[self.joints[triangles]].reshape(len(triangles), 3 * self.joints.shape[1])
         weights = self.weights[triangles].reshape(parts.shape)
         shares = np.stack([((parts == each[:, None]) * weights).sum(axis=1) for each in parts.T], axis=1)
-        return with_largest_share(parts, shares)
+        return _with_largest_share(parts, shares)
 
     @property
     def firsts(self) -> Numbers:
@@ -123,8 +123,8 @@ class SkinnedMesh:
         return replace(self, vertices=factor * self.vertices, whole=self.whole and self.whole.scaled(factor))
 
 
-def with_largest_share(numbers: Numbers, shares: Array) -> Numbers:
-    """Return for each row the number with the largest share, (n,), of several the least, so that it does not depend on
+def _with_largest_share(numbers: Numbers, shares: Array) -> Numbers:
+    """(n,), for each row the number with the largest share, of several the least, so that it does not depend on
     their order, as on the two sides of a body; `numbers` and `shares` are (n, influences).
     """
     are_largest = shares > shares.max(axis=1, keepdims=True, initial=0.0) - SAME_SHARE
