@@ -39,7 +39,7 @@ UNEVEN_SHARE = 0.4  # and it is not if at most this share is
 GUESSED_LENGTH, GUESSED_DIRECTION = 0.01, np.cos(np.radians(10))  # tolerances of made-up tips [lengths; cosine]
 UPRIGHT = np.sin(np.radians(15))  # a foot within this angle of straight up or down points nowhere else [sine]
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
-MIRRORED = np.array([1.0, -1.0])  # a foot's turn about its side and along it, as that of the other foot
+MIRRORED = np.array([1.0, -1.0])  # factors that mirror the angles of a foot about its sideways axis and its length
 SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle form one side of the foot [cosine]
 # A flat sole is at least this share of the hull's surface: soles of real characters are 0.15 to 0.26 of it, the largest
 # face of a round foot is 0.05, that of a pointed toe less.
@@ -217,8 +217,8 @@ def resting_normals(motion: Motion, legs: Legs, soles: tuple[Sole, ...], up: Arr
 
 def _resting_turns(motion: Motion, legs: Legs, soles: Sequence[Sole], up: Array) -> tuple[list[Array], Array]:
     """The axes of each foot to its side and along it, (2, 3), and the angles by which normals are turned about them to
-    be up while feet rest, (feet, 2) [rad]; 0 if neither ever does. A foot that never rests, or on its toes alone as far
-    as the other foot shows, is the mirror image of the other, unless that leans to the side as in a body that lies.
+    be up while feet rest, (feet, 2) [rad]; 0 if neither foot rests. A foot that never rests, or rests on its toes
+    alone, gets the mirrored angles of the other foot if the other foot stands flat. The feet of a lying body do not.
     """
     length = leg_length(motion.skeleton, legs)
     rests, axes, angles = [_at_rest(motion, leg, up, length) for leg in legs], [], np.zeros((len(legs), 2))

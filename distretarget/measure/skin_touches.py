@@ -183,8 +183,8 @@ def _gaps(depths: Array, frame: Numbers, limb: Numbers, segment: Numbers) -> Arr
 
 
 def _coordinates(skin: Skin, motion: Motion, frames: Numbers, limbs: Numbers, segments: Numbers) -> Array:
-    """Where the middles of limbs are on the parts of segments in frames, (n, 3), as `PartFrames.coordinates`: not their
-    nearest points, since these differ by the width of a hand where it lies flat.
+    """The coordinates of the middles of limbs on the parts of segments in frames, (n, 3), as `PartFrames.coordinates`.
+    The nearest points of limbs would not do: where a hand lies flat, they jump by its width.
     """
     joints, on = skin.frames.joints[limbs], skin.frames.joints[segments]
     off = _seen_from(motion, frames, joints, on, skin.middles[limbs])
@@ -252,8 +252,8 @@ def passing(speed: Array, rows: Numbers, pairs: Numbers, height: float) -> Flags
 
 
 def _seen_from(motion: Motion, frames: Numbers, joints: Numbers, on: Numbers, offsets: Array) -> Array:
-    """(n, 3), points in the axes of the joints that they are `on`; `offsets`, (n, 3), are theirs from `joints`, in the
-    axes of these.
+    """(n, 3), points in frames, seen from the joints `on`. Each point is fixed to one of `joints`, at one of `offsets`,
+    (n, 3), in the axes of that joint.
     """
     seen = motion.positions[frames, joints] - motion.positions[frames, on]
     for joint in np.unique(joints[offsets.any(axis=1)]).tolist():
