@@ -55,6 +55,21 @@ def test_points_are_the_same_however_the_mesh_is_ordered():
     np.testing.assert_allclose(one.radii, other.radii, rtol=1e-9)
 
 
+def test_points_do_not_depend_on_the_last_bits_of_vertices():
+    """The axis of a hand's capsule ends in the middle of faces of its box, which are as much outside as the others."""
+    result = sample_run("clap")
+    body, skin = result.matching.target, result.skins.target
+    corners, triangles = box((0.5, 1.0, 0.1), (0.2, 0.1, 0.05))
+    own = skin.capsules[skin.capsules.segments == LEFT][:1]
+    ends = np.array([[0.4, 1.0, 0.1], [0.6, 1.0, 0.1]]) - body.skeleton.rest_positions[own.joints]
+    noise, found = np.random.default_rng(0), []
+    for _ in range(8):
+        mesh = mesh_of([(body.anatomy.roles["leftHand"], (corners + noise.normal(0.0, 1e-16, (8, 3)), triangles))])
+        found.append(SurfaceSamples.of(mesh, body.skeleton, skin.of_joint, replace(own, ends=ends[None])).points)
+    for points in found:
+        np.testing.assert_allclose(points.places.b, found[0].places.b, atol=1e-12)
+
+
 def test_points_are_the_same_left_and_right():
     """A box for each hand, and two for the head; those on the right are mirror images of those on the left."""
     result = sample_run("clap")

@@ -12,10 +12,10 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 from distretarget.motion import Motion
-from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, cross, lengths, normalised
+from distretarget.numerics.vectors import Array, Flags, Numbers, bisected, cross, extent, lengths, normalised
 from distretarget.skeleton import Skeleton
 from distretarget.skin.capsules import SEGMENTS, Capsules
-from distretarget.skin.mesh import SAME_SHARE, SkinnedMesh
+from distretarget.skin.mesh import SAME_PLACE, SAME_SHARE, SkinnedMesh
 from distretarget.skin.surface_gaps import RUN, Bound, GapWorkspace, Points, Runs, write_gaps
 
 # The number of points of each segment: limbs are thin, and the parts that they touch are large.
@@ -123,16 +123,17 @@ def _spread(
     areas, middles = 0.5 * lengths(normals), corners.mean(axis=1)
     folded_middles, of_left = folded[mesh.triangles].mean(axis=1), sides[mesh.triangles].mean(axis=1) >= 0.0
     owners = mesh.owners(of_joint, mesh.triangles)
-    none = np.zeros(0, np.intp)
+    none, slack = np.zeros(0, np.intp), SAME_PLACE * extent(np.ptp(mesh.vertices, axis=0))
     found = [(none, none, np.zeros(0), none)]
     for segment, name in enumerate(SEGMENTS):
         own = capsules[capsules.segments == segment]
         on = np.flatnonzero((owners == segment) & (areas > 0.0))
         if len(on) and len(own):
             out = middles[on] - _nearest_on(own.ends + skeleton.rest_positions[own.joints, None], middles[on])
-            leads_out = (normals[on] * out).sum(axis=1) > 0.0
-            mostly = areas[on] @ leads_out >= 0.5 * areas[on].sum()
-            on = on[leads_out == mostly]  # the others are back faces of cloth, or skin beneath it
+            outwards = (normals[on] * out).sum(axis=1)
+            outwards = np.where(np.abs(outwards) < slack * areas[on], 0.0, np.sign(outwards))
+            mostly = areas[on] @ outwards >= 0.0
+            on = on[outwards >= 0.0 if mostly else outwards <= 0.0]  # others are back faces of cloth, or skin beneath
             points = next((count for part, count in POINTS.items() if name.endswith(part)), OTHER_POINTS)
             for half in (on[of_left[on]], on[~of_left[on]]):
                 area = areas[half].sum()
