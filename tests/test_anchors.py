@@ -90,6 +90,13 @@ def test_crossed_hands_stay_on_their_sides_on_the_same_character():
     assert off.max() < 0.005  # m
 
 
+@pytest.mark.parametrize("clip", ["walk", "hands_on_hips"])
+def test_what_sinks_nowhere_moves_as_it_did_on_the_same_character(clip):
+    hero = sample_target("hero")
+    motion = retarget(sample(clip), hero).motion
+    np.testing.assert_allclose(retarget(motion, hero).motion.positions, motion.positions, atol=1e-5)  # m
+
+
 @pytest.mark.parametrize(("limb", "place"), [("left hand", "pelvis"), ("right hand", "left upper arm")])
 def test_on_the_same_body_what_touches_is_at_its_anchor(limb, place):
     skin, motion = skinned()

@@ -139,13 +139,16 @@ def _displaced(
     """
     body, shots = skins.target, (clip.shots, clip.frame_time)
     pairs, are_hard = body.balls.pairs, IS_HARD[body.balls.pairs[:, 0]]
-    corrected = partial(mesh_correction, pairs=pairs, first=first, shots=clip.shots)
-    frames, zones = _source_contacts(clip, skins, posed, free, self_contact, corrected)
+    zones = ContactZones.of(pairs[:, 0], GROUP[pairs[:, 1]])
     found = len(zones.limbs)
+    corrected = partial(mesh_correction, pairs=pairs, first=first, shots=clip.shots)
+    of_source = false_overlap(skins.source, zones, pairs, clip.source, first, skins.least_gap)
+    frames, touching = _source_contacts(clip, skins, posed, free, self_contact, zones, corrected, of_source)
     if targets is not None:
         frames, zones = _with_targets(frames, zones, targets)
+        of_source, touching = (_with_columns(each, len(zones.limbs)) for each in (of_source, touching))
     bend = partial(limb_displacements, body.balls, body.displaced, zones)
-    overlap = None if body.surface is None else _false_overlap(clip, skins, posed, zones, found, first, targets)
+    overlap = None if body.surface is None else _false_overlap(skins, posed, zones, of_source, found, first, targets)
     start = np.zeros((len(clip), len(body.limbs), 2, 3))
     if overlap is None or targets is not None or not skins.are_alike:  # else limbs are on their sides already
         of_mesh = 0.0 if overlap is None else np.where(are_hard, overlap[:, zones.of_pair], 0.0)
@@ -159,7 +162,7 @@ def _displaced(
         d = start
         for steps in ROUNDS:
             now = bent(posed, body.limbs, body.unit * d)
-            farther = -corrected(body, zones=zones, motion=now, touching=frames.firmness, overlap=overlap)
+            farther = -corrected(body, zones=zones, motion=now, touching=touching, overlap=overlap)
             farther[:, found:] = 0.0
             soft = np.where(are_hard, frames.soft + farther[:, zones.of_pair], frames.soft)
             on_mesh = frames._replace(soft=soft, target_gaps=frames.target_gaps - farther)
@@ -174,11 +177,22 @@ def _displaced(
     return solved(frames._replace(soft=frames.soft + more))[0] if more.any() else d
 
 
+def _with_columns(values: Array, count: int) -> Array:
+    """Values of zones, (frames, zones), and zeros for the user's zones, `count` in all."""
+    return np.pad(values, ((0, 0), (0, count - values.shape[1])))
+
+
 def _false_overlap(
-    clip: Clip, skins: Skins, posed: Motion, zones: ContactZones, found: int, first: int, targets: LimbTargets | None
+    skins: Skins,
+    posed: Motion,
+    zones: ContactZones,
+    of_source: Array,
+    found: int,
+    first: int,
+    targets: LimbTargets | None,
 ) -> Array:
-    """(frames, zones), how far capsules overlap where the mesh does not; arguments as in `_displaced`, and the number
-    of zones that were `found`, to which those of the user are added.
+    """(frames, zones), how far capsules overlap where the mesh does not, by the overlap `of_source`; arguments as in
+    `_displaced`, and the number of zones that were `found`, to which those of the user are added.
     """
     pairs = skins.target.balls.pairs
     overlap = false_overlap(skins.target, zones, pairs, posed, first, skins.least_gap)
@@ -186,27 +200,34 @@ def _false_overlap(
     on_arms = np.isin(zones.groups, GROUP[:-1][IS_ARM])
     if targets is not None:
         on_arms[zones.of_pair[targets.anchored]] = False
-    of_source = false_overlap(skins.source, zones, pairs, clip.source, first, skins.least_gap)
     overlap[:, on_arms] = np.minimum(overlap, of_source)[:, on_arms]
     overlap[:, found:] = 0.0  # the user's gaps are those of capsules
     return overlap
 
 
 def _source_contacts(
-    clip: Clip, skins: Skins, posed: Motion, free: Array, self_contact: Array, corrected: Callable[..., Array]
-) -> tuple[Frames, ContactZones]:
-    """The problem of `limb_bends` that keeps the source's contacts, and its zones; `corrected` is `mesh_correction` for
-    these frames, other arguments as in `_displaced`.
+    clip: Clip,
+    skins: Skins,
+    posed: Motion,
+    free: Array,
+    self_contact: Array,
+    zones: ContactZones,
+    corrected: Callable[..., Array],
+    overlap: Array,
+) -> tuple[Frames, Array]:
+    """The problem of `limb_bends` that keeps the source's contacts in some zones, and where limbs may be meant to touch,
+    (frames, zones), so that gaps are corrected alike on both bodies. `corrected` is `mesh_correction` for these frames,
+    `overlap` the false overlap of the source; other arguments as in `_displaced`.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
     ends = source.posed(clip.source)
     in_source = segment_gaps(source.balls, ends, APART)
     in_source = gaps_of_pairs(in_source, source.balls.pairs, balls.pairs)
-    zones = ContactZones.of(balls.pairs[:, 0], GROUP[balls.pairs[:, 1]])
-    gaps = zones.least(in_source)
-    gaps -= corrected(source, zones=zones, motion=clip.source, touching=how_touching(zones, gaps))
+    gaps, intent = zones.least(in_source), _intent(clip, body, zones)
+    may_touch = how_touching(zones, gaps) * intent
+    gaps -= corrected(source, zones=zones, motion=clip.source, touching=may_touch, overlap=overlap)
     touching = how_touching(zones, gaps)
-    firmness = _with_forearms(zones, touching, touching * _intent(clip, body, zones)) * _not_dropped(clip, body, zones)
+    firmness = _with_forearms(zones, touching, touching * intent) * _not_dropped(clip, body, zones)
     firmness *= _by_limbs(body, zones, self_contact) * stillness(source, clip.source, ends, zones, touching, clip.shots)
     firmness[:, np.isin(zones.groups, GROUP[:-1][IS_ARM])] *= EACH_OF_TWO
     pressed = np.where(zones.are_hard, np.clip(-gaps, 0.0, -skins.least_gap), 0.0)
@@ -221,7 +242,7 @@ def _source_contacts(
         firmness=firmness,
         **anchors(clip.source, posed, skins, zones, in_source, firmness),
     )
-    return frames, zones
+    return frames, may_touch
 
 
 def _with_targets(frames: Frames, zones: ContactZones, targets: LimbTargets) -> tuple[Frames, ContactZones]:
