@@ -215,9 +215,9 @@ def _source_contacts(
     corrected: Callable[..., Array],
     overlap: Array,
 ) -> tuple[Frames, Array]:
-    """The problem of `limb_bends` that keeps the source's contacts in some zones, and where limbs may be meant to touch,
-    (frames, zones), so that gaps are corrected alike on both bodies. `corrected` is `mesh_correction` for these frames,
-    `overlap` the false overlap of the source; other arguments as in `_displaced`.
+    """The problem of `limb_bends` that keeps the source's contacts in some zones, and where limbs may be meant to
+    touch, (frames, zones), so that gaps are corrected alike on both bodies. `corrected` is `mesh_correction` for these
+    frames, `overlap` the false overlap of the source; other arguments as in `_displaced`.
     """
     body, source, balls = skins.target, skins.source, skins.target.balls
     ends = source.posed(clip.source)
