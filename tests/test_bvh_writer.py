@@ -179,6 +179,7 @@ WORDS = st.one_of(
 BLANKS = st.text(" \t\n\v\f\r", min_size=1, max_size=3)
 
 
+@settings(max_examples=60)
 @given(st.lists(st.tuples(WORDS, BLANKS)), BLANKS)
 def test_numbers_are_those_that_python_reads(words, first):
     text = first + "".join(word + blank for word, blank in words)
