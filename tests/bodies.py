@@ -16,6 +16,7 @@ from table_one import table_one
 from distretarget import Motion, RetargetResult, Skeleton, load_target, read_bvh, retarget
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import Body
+from distretarget.body.recognition import by_names
 from distretarget.matching.matching import Matching, match
 from distretarget.numerics.quaternions import least_rotation
 from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, JointMap
@@ -175,6 +176,26 @@ def reordered(skeleton: Skeleton, seed: int) -> tuple[Skeleton, list[int]]:
         order.append(ready.pop(draw.integers(len(ready))))
         ready.extend(skeleton.children[order[-1]])
     return taken(skeleton, order), order
+
+
+def with_feet(pitch: float, foot: float = 0.125, tip: float | None = None) -> Skeleton:
+    """The person whose feet, of a length [m], point down by an angle [rad]; so do tips, if these have a length."""
+    body, direction = person(), np.array([0.0, -np.sin(pitch), np.cos(pitch)])
+    offsets = np.array(body.offsets)
+    for ending, length in (("Toe", foot), ("Toe_End", tip)):
+        if length is not None:
+            offsets[[body.index(side + ending) for side in SIDES]] = length * direction
+    return body.with_offsets(offsets)
+
+
+def lowered(skeleton: Skeleton, angle: float) -> Skeleton:
+    """The body with its arms turned down at rest [degrees]."""
+    forward = np.array([0.0, -1.0, 0.0]) if skeleton.up == "Z" else np.array([0.0, 0.0, 1.0])
+    offsets = np.array(skeleton.offsets)
+    for side, sign in (("left", -1.0), ("right", 1.0)):
+        arm = skeleton.subtree(by_names(skeleton).roles[f"{side}UpperArm"])[1:]
+        offsets[arm] = Rotation.from_rotvec(sign * np.radians(angle) * forward).apply(offsets[arm])
+    return skeleton.with_offsets(offsets)
 
 
 def nameless(skeleton: Skeleton) -> Skeleton:

@@ -80,12 +80,6 @@ def test_many_postures_have_the_directions_of_each():
     np.testing.assert_allclose(many.axes.transpose(0, 2, 1) @ many.axes, np.tile(np.eye(3), (20, 1, 1)), atol=1e-12)
 
 
-def test_a_bone_points_from_one_part_to_another():
-    way = directions(person())
-    np.testing.assert_allclose(way.bone("leftUpperLeg", "leftLowerLeg"), [0, -1, 0], atol=1e-12)
-    assert without(person(), "LowerLeg").bone("leftUpperLeg", "leftLowerLeg") is None
-
-
 def test_up_is_that_of_the_part_that_is_there():
     trunk = without(person(), "Leg", "Foot", "Toes")
     legs = without(person(), "Arm", "Hand")

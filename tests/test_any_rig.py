@@ -167,15 +167,6 @@ def test_an_animal_that_stands_on_shorter_legs_stands_as_it_is():
     assert np.degrees((turned[0].inv() * turned[1]).magnitude()).max() < 2.0
 
 
-def test_half_the_names_are_enough_for_a_dog():
-    body = dog()
-    names = [f"{name}2" if name.startswith(("Tail", "Left")) else name for name in body.names]
-    target = replace(body, names=tuple(names))
-    drivers = matched(body, target).drivers
-    assert drivers[target.index("RightFemur")] == body.index("RightFemur")
-    assert drivers[target.index("LeftFemur2")] == -1
-
-
 @conventions
 def test_an_explicit_map_carries_an_arm_onto_a_sword(convention):
     source = still(rig(convention, "T"))
@@ -196,16 +187,6 @@ def test_an_explicit_map_carries_a_person_onto_a_dog():
     result = retarget(short_walk(), target, joint_map=legs | {"croup": "Hips"})
     assert np.all(np.isfinite(result.motion.positions))
     assert result.drivers[target.index("LeftTibia")] == short_walk().skeleton.index("LeftKnee")
-
-
-def test_a_map_may_leave_joints_out():
-    body = rig("lafan1", "T")
-    matching = find_matching(body_of(short_walk().skeleton), body_of(body), {"LeftForeArm": None, "Head": "Neck"})
-    arm, head = body.index("LeftForeArm"), body.index("Head")
-    assert (matching.drivers[arm], matching.method[arm], matching.confidence[arm]) == (-1, "", 0)
-    assert (matching.drivers[head], matching.method[head]) == (short_walk().skeleton.index("Neck"), "map")
-    motion = retarget(short_walk(), body, joint_map={"LeftForeArm": None}).motion
-    np.testing.assert_allclose(np.abs(motion.rotations[:, arm, 3]), 1, atol=1e-9)
 
 
 # ---- bodies that lack a part
@@ -301,24 +282,18 @@ def test_every_rig_is_tested():
 def test_a_rig_is_whole_and_symmetric_and_stands_on_the_floor(convention, pose):
     skeleton = rig(convention, pose)
     assert (skeleton.units, skeleton.up) == ("cm", "Z" if convention == "unreal" else "Y")
-    skeleton = rig(convention, pose)
     assert np.sum(~skeleton.end_sites) == JOINTS[convention]
     short = [skeleton.names[joint] for joint in np.flatnonzero(skeleton.lengths[1:] < 0.4) + 1]
     assert all(name.startswith("ik_") for name in short)
-    places = standing(rig(convention, pose))
+    places = standing(skeleton)
     for name, place in places.items():
         twin = SIDE.sub(lambda side: OTHER[side.group()], name)
         if name != "ik_hand_gun":
             np.testing.assert_allclose(places[twin], place * (-1, 1, 1), atol=1e-5)
         if "Left" in name or name.endswith("_l"):
             assert place[0] > 0
-    skeleton = rig(convention, pose)
-    places = standing(skeleton)
-    heights = np.array([place[1] for place in places.values()])
-    assert 160 < heights.max() < 190
-    (ankle, toe), (other_ankle, other_toe) = feet(skeleton)
-    for one, other in ((ankle, other_ankle), (toe, other_toe)):
-        assert places[one][1] == pytest.approx(places[other][1])
+    assert 160 < max(place[1] for place in places.values()) < 190
+    (ankle, toe), _ = feet(skeleton)
     assert 7 < places[ankle][1] < 9
     assert 1 < places[toe][1] < 4
     ahead = places[toe] - places[ankle]

@@ -199,18 +199,6 @@ def test_files_that_cannot_be_read_fail_alone(folder):
     assert "is not a text file" in errors["c.bvh"]
 
 
-def test_files_that_were_not_made_here_are_left_alone(folder):
-    (folder / "out").mkdir()
-    (folder / "out" / "a.bvh").write_text("mine")
-    seen = go(folder)
-    assert seen.of("failed") == ["a.bvh"]
-    (failed,) = (record for record in seen if record["status"] == "failed")
-    assert failed["error"].endswith("exists already; --overwrite replaces it")
-    assert results(folder)["a.bvh"] == "mine"
-    assert "a.bvh" in go(folder, overwrite=True).of("done")
-    assert results(folder)["a.bvh"] == "body.json: one"
-
-
 def test_what_another_run_writes_meanwhile_is_no_failure(folder):
     """The other run, with other options, converts all clips while this one converts its first."""
 

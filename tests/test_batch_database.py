@@ -144,16 +144,6 @@ def test_a_clip_is_done_if_its_result_is_as_recorded(results, database, folder):
     assert not is_done(results, record())
 
 
-def test_a_failure_does_not_undo_what_was_done(results, database, folder):
-    (folder / "a.bvh").write_text(OUTPUT)
-    database.add(done())
-    results.add(record() | {"error": "no"}, ["a.bvh"])
-    assert last_records(folder)["a.bvh"]["status"] == "failed"
-    known = results.known(record(), ["a.bvh"])
-    database.confirm(known)
-    assert last_records(folder)["a.bvh"] == known == done()
-
-
 def test_of_earlier_results_only_that_which_is_there_is_kept(results, database, folder):
     for text in ("first", "second"):
         database.add(done(output_hash=text_hash(text)))
@@ -281,14 +271,6 @@ def test_files_left_by_a_killed_run_are_removed(folder):
 
 
 # ---- several runs
-
-
-def test_two_runs_may_write_to_one_database(folder, database):
-    with closing(Database(folder)) as other:
-        for number in range(20):
-            for run, name in ((database, "a"), (other, "b")):
-                run.add(done(clip(f"{name}{number}.bvh")))
-        assert len(last_records(folder)) == 40
 
 
 HOLDS = """

@@ -5,7 +5,6 @@ import pickle
 import signal
 import sys
 from contextlib import closing
-from dataclasses import replace
 from multiprocessing import active_children
 from pathlib import Path
 
@@ -14,17 +13,14 @@ from bodies import other_lengths, person, swaying
 from bvh_texts import format_bvh
 from input_files import file_of, target_of
 
-from distretarget import retarget
 from distretarget.batch import workers as workers_module
 from distretarget.batch.plan import PlannedClip
 from distretarget.batch.results import new_record
 from distretarget.batch.workers import Job, Processes, run
 from distretarget.errors import BatchError
-from distretarget.io.bvh import parse_bvh
 from distretarget.io.skeleton_json import skeleton_to_json
 from distretarget.pipeline import retargeting
 from distretarget.pipeline.retargeting import Recipe
-from distretarget.report.diff_document import About
 
 TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json")
 
@@ -32,18 +28,6 @@ TARGET = target_of(skeleton_to_json(other_lengths(person()), "body"), "body.json
 def job_of(text, target=TARGET, about=None):
     record = new_record(PlannedClip(Path("in.bvh"), target, ("out.bvh",), 0), {})
     return Job(file_of(text, "in.bvh"), pickle.dumps(target), Recipe(), record, ("out.bvh",), about=about)
-
-
-def test_a_worker_does_what_retargeting_does():
-    text = format_bvh(swaying(person()))
-    result = run(job_of(text))
-    record = result.record
-    assert (record["status"], record["error"], record["frames"]) == ("done", "", 20)
-    expected = format_bvh(retarget(parse_bvh(text, "in.bvh"), other_lengths(person())).motion)
-    assert result.outputs == {"out.bvh": expected.encode()}
-    assert record["metrics"]["direction_error"] is not None
-    assert "<title>" in run(job_of(text, about=About(a="a", b="b", command=""))).report
-    assert run(replace(job_of(text), threads=2)).outputs == result.outputs
 
 
 def error_of(job):
@@ -96,24 +80,6 @@ def results_of(processes, count):
     while len(found) < count:
         found += processes.finished()
     return found
-
-
-def test_processes_do_what_they_are_given(processes):
-    jobs = [job_of(format_bvh(swaying(person(), seed=seed))) for seed in range(3)]
-    for job in jobs:
-        processes.submit(job)
-    done = results_of(processes, 3)
-    assert [job for job, _ in done] == jobs
-    assert [result.outputs for _, result in done] == [run(job).outputs for job in jobs]
-
-
-def test_a_clip_that_takes_longer_than_its_limit_is_ended(processes):
-    long = job_of(format_bvh(swaying(person(), frames=20_000)))
-    for job in (replace(long, time_limit=0.01), replace(long, time_limit=1000.0)):
-        processes.submit(job)
-    (_, ended), (_, done) = results_of(processes, 2)
-    assert ended.record["error"] == "in.bvh: took longer than the limit of 0.01 s; the next run tries it again"
-    assert done.record["status"] == "done"
 
 
 def test_a_process_that_dies_costs_the_clip_that_it_was_at_work_on(processes):

@@ -72,13 +72,6 @@ def test_a_root_offset_stays_where_no_channel_replaces_it():
     assert_same(read(format_bvh(motion)), motion, 1e-6)
 
 
-@pytest.mark.parametrize("text", ["0.0333333", ".0083333", "8.3333E-3", "0.008333330000000001", "1"])
-def test_the_frame_time_is_kept_digit_for_digit(text):
-    motion = read(edit(("0.0333333", text)))
-    assert motion.frame_time_text == text
-    assert f"\nFrame Time: {text}\n" in format_bvh(motion)
-
-
 @pytest.mark.parametrize("scale", [1e-4, 1e-2, 1.0, 100.0])
 def test_positions_are_written_to_1e_8_of_the_body_in_any_unit(scale):
     motion = read(TEXT)
@@ -135,7 +128,9 @@ def motions(draw):
                 angles = chance.choice([0, 90, -90, 180, 33.3], (frames, 1))
                 turn = Rotation.from_euler(channel[0], angles, degrees=True)
                 rotations[:, joint] = (Rotation.from_quat(rotations[:, joint]) * turn).as_quat()
-    return Motion.of_translations(skeleton, translations, rotations, draw(st.sampled_from(["0.01", ".04", "1e-2"])))
+    return Motion.of_translations(
+        skeleton, translations, rotations, draw(st.sampled_from([".04", "8.3333E-3", "0.008333330000000001", "1"]))
+    )
 
 
 @settings(max_examples=80)
@@ -176,14 +171,6 @@ def test_values_that_are_not_finite_are_not_written(tmp_path):
     assert not (tmp_path / "b.bvh").exists()
 
 
-def test_angles_turn_on_over_the_frames_and_through_the_lock():
-    angles = np.stack([np.linspace(0, 720, 100), np.linspace(0, 180, 100), np.linspace(0, -360, 100)], axis=1)
-    rotations = Rotation.from_euler("ZXY", angles, degrees=True).as_quat()[:, None]
-    skeleton = tree_of(np.zeros((1, 3)))
-    text = format_bvh(Motion(skeleton, np.zeros((100, 3)), rotations, "1"))
-    np.testing.assert_allclose(np.loadtxt(text.splitlines()[-100:])[:, 3:], angles, atol=1e-6)
-
-
 WORDS = st.one_of(
     st.from_regex(r"[+-]?([0-9]{1,20}\.?[0-9]{0,20}|\.[0-9]{1,9})([eE][+-]?[0-9]{1,2})?", fullmatch=True),
     st.floats(allow_nan=False, allow_infinity=False).map(repr),
@@ -192,6 +179,7 @@ WORDS = st.one_of(
 BLANKS = st.text(" \t\n\v\f\r", min_size=1, max_size=3)
 
 
+@settings(max_examples=60)
 @given(st.lists(st.tuples(WORDS, BLANKS)), BLANKS)
 def test_numbers_are_those_that_python_reads(words, first):
     text = first + "".join(word + blank for word, blank in words)

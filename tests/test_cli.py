@@ -54,12 +54,6 @@ def test_the_command_may_be_named_options_may_come_first_and_overwrite_replaces_
     assert len(read_bvh(folder / "out.bvh")) == 20
 
 
-def test_root_scale_is_passed_on(folder):
-    run("in.bvh", "body.json", "-o", "out.bvh", "--root-scale", "3")
-    source, result = (read_bvh(folder / name) for name in ("in.bvh", "out.bvh"))
-    np.testing.assert_allclose(between_hips(result), 3 * between_hips(source), atol=1e-5)
-
-
 BLOCKS = """{"format": "distretarget-skeleton", "version": 1, "joints": [
   {"name": "Block", "parent": null, "offset": [0, 0, 0]}, {"name": "Lid", "parent": "Block", "offset": [0, 1, 0]}]}"""
 

@@ -8,10 +8,12 @@ import os
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from operator import itemgetter
 
 import numpy as np
 import pytest
 from bodies import HERO, SAMPLES
+from characters import Bones, box_mesh, character
 from program import run
 
 from distretarget import Options, load_target, read_bvh, retarget
@@ -23,28 +25,38 @@ MOST_CALLS = 2  # of a function that are compared
 
 
 @pytest.fixture(scope="module")
-def calls():
-    """The arguments of calls of compiled functions, by function, as clips on a few bodies make them."""
+def calls(tmp_path_factory):
+    """The arguments of the smallest calls of compiled functions, by function, as clips on a few bodies make them."""
     noted, checked = {}, compiled._checked
 
     def note(function, arguments, kinds):
         assert not overlapping(function, arguments), function.__qualname__
-        some = noted.setdefault(function, [])
-        if len(some) < MOST_CALLS:
-            some.append(copy.deepcopy(arguments))
+        some, size = noted.setdefault(function, []), sum(each.size for each in arrays_of(arguments))
+        if len(some) < MOST_CALLS or size < some[-1][0]:
+            some[MOST_CALLS - 1 :] = [(size, copy.deepcopy(arguments))]
+            some.sort(key=itemgetter(0))
         return checked(function, arguments, kinds)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(compiled, "_checked", note)
         clip, squat = read_bvh(SAMPLES / "clap.bvh")[100:104], read_bvh(SAMPLES / "squat.bvh")[:4]
+        bones = Bones.of(clip.skeleton)
+        boxes = character(bones, meshes=[box_mesh(bones)]).write(tmp_path_factory.mktemp("boxes") / "boxes.glb")
         for motion, target, objective in (
             (clip, HERO, "contact"),
+            (clip, boxes, "contact"),
             (squat, SAMPLES / "child.json", "contact"),
             (squat, SAMPLES / "child.json", "paper"),
         ):
             assert retarget(motion, load_target(target), Options(objective=objective)).metrics
-        run("scene", SAMPLES / "scenes" / "staff.json", "--dry-run")
-    return noted
+    return {function: [arguments for _, arguments in some] for function, some in noted.items()}
+
+
+def arrays_of(arguments):
+    """All arrays among arguments, also in tuples."""
+    arrays = []
+    compiled._collect(arguments, arrays)
+    return [each for each in arrays if isinstance(each, np.ndarray)]
 
 
 def outputs(function, arguments):
@@ -61,9 +73,7 @@ def written(function, arguments):
 
 def overlapping(function, arguments):
     """Whether an array that a function writes to overlaps another one."""
-    arrays = []
-    compiled._collect(arguments, arrays)
-    arrays = [each for each in arrays if isinstance(each, np.ndarray)]
+    arrays = arrays_of(arguments)
     return any(
         sum(np.may_share_memory(one, other) for other in arrays) > 1 for one in outputs(function, arguments).values()
     )
@@ -173,45 +183,37 @@ def test_a_library_that_fits_is_loaded(library):
     assert compiled.loaded.__wrapped__().code._name.startswith(str(library))
 
 
-@pytest.mark.usefixtures("library")
-@pytest.mark.parametrize("name", ["LIBRARY", "MANIFEST"])
-def test_a_missing_file_is_said(name):
-    getattr(compiled, name).unlink()
-    assert "is missing; the compiled functions come with: pip install " in refusal()
-
-
-@pytest.mark.usefixtures("library")
-def test_a_damaged_library_is_not_run():
-    content = bytearray(compiled.LIBRARY.read_bytes())
-    content[len(content) // 2] ^= 1
+def with_content(content):
+    """Make this the content of the library, and the manifest's digest that of it."""
     compiled.LIBRARY.write_bytes(content)
-    assert "is damaged; " in refusal()
+    changed(digest=compiled.digest(content))
+
+
+NOT_FITTING = {
+    "no library": (lambda: compiled.LIBRARY.unlink(), "is missing; the compiled functions come with: pip install "),
+    "no manifest": (lambda: compiled.MANIFEST.unlink(), "is missing; the compiled functions come with: pip install "),
+    "another content": (
+        lambda: compiled.LIBRARY.write_bytes(compiled.LIBRARY.read_bytes()[:-1] + b"?"),
+        "is damaged; ",
+    ),
+    "a damaged manifest": (lambda: compiled.MANIFEST.write_text("{"), "cannot be loaded here ("),
+    "another machine": (
+        lambda: changed(platform="plan9-mips"),
+        f"for plan9-mips, and this is {compiled.this_platform()}; ",
+    ),
+    "what the system cannot load": (lambda: with_content(b"no library"), "cannot be loaded here ("),
+    "an older one": (
+        lambda: changed(sources=json.loads(compiled.MANIFEST.read_text())["sources"] | {"ik/spg.py": "another"}),
+        f"is older than {compiled.PACKAGE / 'ik' / 'spg.py'}; ",
+    ),
+}
 
 
 @pytest.mark.usefixtures("library")
-def test_a_damaged_manifest_is_said():
-    compiled.MANIFEST.write_text("{")
-    assert "cannot be loaded here (" in refusal()
-
-
-@pytest.mark.usefixtures("library")
-def test_a_library_for_another_machine_is_not_run():
-    changed(platform="plan9-mips")
-    assert f"is for plan9-mips, and this is {compiled.this_platform()}; " in refusal()
-
-
-@pytest.mark.usefixtures("library")
-def test_a_library_that_the_system_cannot_load_is_said():
-    compiled.LIBRARY.write_bytes(b"no library")
-    changed(digest=compiled.digest(b"no library"))
-    assert "cannot be loaded here (" in refusal()
-
-
-@pytest.mark.usefixtures("library")
-def test_a_library_that_is_older_than_its_sources_is_not_run():
-    known = json.loads(compiled.MANIFEST.read_text())
-    changed(sources=known["sources"] | {"ik/spg.py": "another"})
-    assert f"is older than {compiled.PACKAGE / 'ik' / 'spg.py'}; " in refusal()
+@pytest.mark.parametrize(("change", "said"), NOT_FITTING.values(), ids=NOT_FITTING)
+def test_a_library_that_does_not_fit_is_not_run_and_says_why(change, said):
+    change()
+    assert said in refusal()
 
 
 @pytest.mark.usefixtures("library")

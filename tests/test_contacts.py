@@ -7,7 +7,7 @@ import pytest
 from bodies import ALONG, PERSON, UP, clapping, lengthened, matched, posed, standing, tree_of, turned
 from scipy.spatial.transform import Rotation
 
-from distretarget import Motion, Skeleton
+from distretarget import Skeleton
 from distretarget.body.body import Body
 from distretarget.measure.comparison import Reference
 from distretarget.measure.contacts import STRIDE, Candidates, Contacts, find_region_contacts
@@ -131,26 +131,6 @@ def test_regions_of_a_hand_make_no_contact_with_each_other():
     assert body.path_sizes(np.array([wrist, tip]))[0, 1] == 5
     assert np.linalg.norm(fist.positions[0, wrist] - fist.positions[0, tip]) < 0.15 * body.paths_from(wrist)[tip]
     assert names_of(contacts_of(fist, fist)) == []
-
-
-def test_what_no_joint_drives_and_no_frame_has_is_no_contact():
-    source = clapping(np.array([1.0]))
-    matching = matched(PERSON, PERSON, {name: None for name in PERSON.names if name.startswith("LeftWrist")})
-    found = find_region_contacts(source, matching, np.zeros((1, 2), bool))
-    assert "left hand - right hand" not in names_of(found)
-    empty = source[:0]
-    assert find_region_contacts(empty, matching, np.zeros((0, 2), bool)).touches == ()
-
-
-def test_contacts_do_not_depend_on_where_the_body_is():
-    source = clapping(np.sin(np.linspace(0, np.pi, 300)) ** 2)
-    turn = Rotation.from_euler("y", 70, degrees=True)
-    rotations = np.array(source.rotations)
-    rotations[:, 0] = (turn * Rotation.from_quat(rotations[:, 0])).as_quat()
-    elsewhere = Motion(PERSON, source.root_positions + np.array([5.0, 0.0, 0.0]), rotations, "1")
-    here, there = contacts_of(source, source), contacts_of(elsewhere, elsewhere)
-    np.testing.assert_array_equal(here.counts, there.counts)
-    np.testing.assert_allclose(here.distance_source, there.distance_source, atol=1e-9)
 
 
 ROLES = Body.of(PERSON).anatomy.roles

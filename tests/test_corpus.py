@@ -53,20 +53,14 @@ def assert_near(positions, expected, skeleton):
     np.testing.assert_allclose(positions, expected, rtol=0, atol=1e-5 * Body.of(skeleton).height)
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.37])
 @clips
-def test_the_same_body_gives_the_same_positions(path, tmp_path):
+def test_a_scaled_body_gives_scaled_positions(path, scale, tmp_path):
     source = read_rigid(path)
-    written = through_a_file(retarget(source, source.skeleton, Options(root_offset="replaced")).motion, tmp_path)
-    assert written.frame_time_text == source.frame_time_text
-    assert_near(written.positions, source.positions, source.skeleton)
-
-
-@clips
-def test_a_scaled_body_gives_scaled_positions(path, tmp_path):
-    source = read_rigid(path)
-    target = source.skeleton.with_offsets(0.37 * source.skeleton.offsets)
+    target = source.skeleton.with_offsets(scale * source.skeleton.offsets)
     written = through_a_file(retarget(source, target, Options(root_offset="replaced")).motion, tmp_path)
-    assert_near(written.positions, 0.37 * source.positions, target)
+    assert written.frame_time_text == source.frame_time_text
+    assert_near(written.positions, scale * source.positions, target)
 
 
 @clips

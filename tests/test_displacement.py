@@ -191,8 +191,3 @@ def _turn(moved, motion, joint):
     """How a joint has turned in the world in the first frame."""
     new, old = (Rotation.from_quat(each.world_rotations_of(joint)[0]) for each in (moved, motion))
     return new * old.inv()
-
-
-def test_no_displacement_is_the_motion_itself():
-    motion, skin = hand_in_belly()
-    assert bent(motion, skin.limbs, np.zeros((1, len(skin.limbs), 2, 3))) is motion

@@ -106,14 +106,6 @@ def test_transforms_are_those_of_fbx(properties):
             np.testing.assert_allclose(found["Knee"], knee @ pivot, atol=1e-4)
 
 
-def test_a_node_with_a_pivot_is_at_its_pivot_in_skins_too():
-    nodes = chain({"RotationPivot": (3.0, -2.0, 7.0), "ScalingPivot": (3.0, -2.0, 7.0)})
-    bind = local_of(nodes[0]) @ local_of(nodes[1])
-    scene = parse_fbx(fbx(nodes, skin={1: bind}), "a.fbx")
-    (skin,) = scene.skins
-    np.testing.assert_allclose(np.linalg.inv(skin.inverse_binds[0]), worlds(scene)["Knee"], atol=1e-4)
-
-
 def test_the_skin_is_where_it_was_bound():
     """The vertex at the origin of the world, whatever the pivots of the joints that move it and the pose shown."""
     nodes = chain({"RotationPivot": (3.0, -2.0, 7.0), "ScalingPivot": (3.0, -2.0, 7.0)})

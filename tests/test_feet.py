@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import bodies
 import numpy as np
 import pytest
-from bodies import ALONG, LEG, PERSON, SAMPLES, UP, lengthened, matched, moved, person, posed, taken, tree_of
+from bodies import ALONG, LEG, PERSON, SAMPLES, UP, lengthened, matched, moved, person, posed, taken, tree_of, with_feet
 from sample_supports import SUPPORTED
 from scipy.spatial.transform import Rotation
 
@@ -38,13 +38,7 @@ def metrics(source, result):
 
 def high_ankles(angle=30.0):
     """The person with feet that point down by an angle [degrees] in the rest pose, as in shoes with heels."""
-    offsets = np.array(PERSON.offsets)
-    for side in ("Left", "Right"):
-        foot = np.linalg.norm(offsets[PERSON.index(f"{side}Toe")])
-        offsets[PERSON.index(f"{side}Toe")] = foot * np.array(
-            [0, -np.sin(np.radians(angle)), np.cos(np.radians(angle))]
-        )
-    return PERSON.with_offsets(offsets)
+    return with_feet(np.radians(angle))
 
 
 def ankle_over_sole(body):
@@ -81,12 +75,10 @@ def test_hips_are_compared_only_while_the_feet_alone_carry_the_body():
 def test_feet_that_stand_do_not_slide_and_slide_is_the_horizontal_speed_in_leg_lengths():
     rising = np.outer(np.arange(30) * TIME, 0.2 * ALONG + 3.0 * UP)
     feet = measured(standing(), standing(path=rising))
-    np.testing.assert_allclose(feet.skate, np.full((30, 4), 0.2 / LEG))
-    np.testing.assert_allclose(feet.skate_source, 0.0)
-    feet = measured(standing(), standing())
     assert feet.stance.shape == (30, 4)
     assert feet.stance.all()
-    np.testing.assert_allclose(feet.skate, 0.0)
+    np.testing.assert_allclose(feet.skate, np.full((30, 4), 0.2 / LEG))
+    np.testing.assert_allclose(feet.skate_source, 0.0)
 
 
 @pytest.mark.parametrize(("speed", "in_stance"), [(0.3, True), (0.4, False)])
@@ -107,12 +99,6 @@ def test_a_foot_above_its_lowest_heights_is_not_in_stance():
     assert feet.stance[:99].all()
     source = standing(frames=200, path=np.outer(lift * 0.05 / 0.07, UP))
     assert measured(source, source).stance[102:158].all()
-
-
-def test_a_motion_is_in_place_on_its_own_body():
-    feet = measured(standing(), standing())
-    for key in OVER_FEET:
-        np.testing.assert_allclose(getattr(feet, key), np.zeros((30, 2)), atol=1e-9)
 
 
 def test_heights_are_scaled_by_leg_length_and_in_percent_of_it():

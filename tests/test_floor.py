@@ -7,11 +7,8 @@ from spring_case import Case, at
 from distretarget.ik.springs import (
     FloorSprings,
     add_floor,
-    depth_below,
     floor_energy,
-    no_floor,
     room_for_springs,
-    spring_energy,
 )
 
 UP = np.array([0.0, 1.0, 0.0])
@@ -45,13 +42,6 @@ def test_energy_and_gradient_are_those_of_the_formula(seed):
             assert gradient[joint, axis] == pytest.approx(slope, abs=1e-6)
 
 
-def test_joints_above_are_left_alone():
-    case = Case(1)
-    energy, gradient = energy_at(case, floor_under(case, np.full(4, -0.01)), case.positions(np.zeros(case.shape)))
-    assert energy == 0
-    assert not gradient.any()
-
-
 def behind(springs, count):
     """Room for some springs behind given ones."""
     room = room_for_springs(len(springs.a) + count)
@@ -71,24 +61,3 @@ def test_the_curvature_has_a_spring_for_each_joint_below():
     assert both.b[count : count + 2].tolist() == [-1, -1]
     np.testing.assert_allclose(both.A[count : count + 2], 3.0 * np.broadcast_to(np.outer(UP, UP), (2, 3, 3)))
     np.testing.assert_array_equal(both.A[:count], springs.A)
-
-
-def test_without_a_floor_the_springs_stay_as_they_are():
-    case = Case(3)
-    springs, nothing = at(case.springs, 0), no_floor(1).of_frames(slice(0, 1))
-    floor = FloorSprings(nothing.joints, nothing.heights[0], nothing.stiffness[0], nothing.up)
-    case.positions(np.zeros(case.shape))
-    count, same = len(springs.a), behind(springs, 0)
-    assert add_floor(case.scratch, floor, same, count) == count
-    for values, given in zip(same, springs, strict=True):
-        np.testing.assert_array_equal(values, given)
-    assert floor_energy(case.scratch, floor) == 0
-    assert spring_energy(case.scratch, springs, count) > 0
-
-
-def test_depth_is_counted_downwards():
-    case = Case(4)
-    floor = floor_under(case, np.array([0.2, -0.1]))
-    case.positions(np.zeros(case.shape))
-    assert depth_below(case.scratch, floor, 0) == pytest.approx(0.2)
-    assert depth_below(case.scratch, floor, 1) == pytest.approx(-0.1)

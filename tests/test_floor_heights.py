@@ -160,8 +160,3 @@ def test_skin_of_thighs_does_not_raise_the_root():
     joints = find_flesh(sunk, np.ones((len(clip), 1)), undersides).joints.tolist()
     assert clip.pelvis in joints
     assert not {pair.target.hip for pair in clip.legs} & {*joints}
-
-
-def test_without_skin_no_flesh_is_near_the_floor():
-    clip, _ = floor_of(CRAWL, "child.json")
-    assert not len(find_flesh(clip, np.ones((len(clip), 1)), None).joints)

@@ -139,11 +139,6 @@ def test_names_leave_out_the_folder_they_share():
     assert windows["folder"] == "clips\\"
 
 
-def test_no_records_at_all():
-    batch = batch_of()
-    assert batch["rows"] == batch["targets"] == batch["warnings"] == []
-
-
 def test_a_clip_takes_few_bytes():
     def size(count):
         names = [f"folder/clip_{k:05}.bvh" for k in range(count)]

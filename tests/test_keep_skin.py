@@ -14,14 +14,6 @@ BONES_ALONE = Options(skin="none")
 SIDES = ("Left", "Right")
 
 
-@pytest.mark.parametrize("name", ["hands_on_hips", "clap", "walk"])
-def test_hands_and_forearms_stay_outside(name):
-    run = sample_run(name)
-    assert run.metrics["rotation_copy"]["skin_depth"] > 0.5
-    assert run.metrics["result"]["skin_depth"] < 1.5
-    assert run.metrics["result"]["foot_skate"] < 0.05
-
-
 def test_hands_part_about_as_far_between_claps_as_those_of_the_rotation_copy():
     run = sample_run("clap")
     kept, copied = (
@@ -99,8 +91,10 @@ def test_the_frame_rate_hardly_matters():
     assert apart < 0.03 * fast.matching.target.height
 
 
-@pytest.mark.parametrize("name", ["clap", "hands_on_hips"])
-def test_skins_touch_on_the_mesh_of_a_character(name):
+@pytest.mark.parametrize(("name", "depth"), [("hands_on_hips", 0.7), ("clap", 0.7), ("walk", 1.5)])
+def test_hands_and_forearms_stay_outside_and_touch(name, depth):
     metrics = sample_run(name).metrics
-    assert metrics["result"]["touch_missed"] < 15.0
-    assert metrics["result"]["skin_depth"] < 0.7 < metrics["rotation_copy"]["skin_depth"]
+    assert metrics["rotation_copy"]["skin_depth"] > 0.7
+    assert metrics["result"]["skin_depth"] < depth
+    assert metrics["result"]["foot_skate"] < 0.05
+    assert (metrics["result"]["touch_missed"] or 0.0) < 15.0

@@ -6,7 +6,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 from animals import dog
-from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, other_lengths, person, sample_target, tree_of
+from bodies import CORPUS, SAMPLES, bent_chain, needs_corpus, person, sample_target, tree_of
 from named_bodies import BODY, ROLES, needs_names, published, roles, tree
 
 from distretarget import DistretargetError, read_bvh
@@ -39,37 +39,6 @@ def test_legs_of_the_papers_skeleton():
     assert [ankle for _, ankle, _ in names_of_legs(lying)] == ["LeftAnkle", "RightAnkle"]
     expected = [(f"{side}Femur", f"{side}Hindpaw", f"{side}Hindpaw_End") for side in ("Left", "Right")]
     assert names_of_legs(dog()) == expected
-
-
-@needs_corpus
-@pytest.mark.parametrize(
-    ("file", "legs"),
-    [
-        (
-            "cmu_mb/02_01.bvh",
-            [("LeftUpLeg", "LeftFoot", "LeftToeBase"), ("RightUpLeg", "RightFoot", "RightToeBase")],
-        ),
-        ("cmu_daz/02_01.bvh", [("lThigh", "lFoot", "lFoot_End"), ("rThigh", "rFoot", "rFoot_End")]),
-        ("animated_drawings/dab.bvh", [("LeftUpLeg", "LeftFoot"), ("RightUpLeg", "RightFoot")]),
-        ("animated_drawings/jesse_dance.bvh", [("LeftUpLeg", "LeftFoot"), ("RightUpLeg", "RightFoot")]),
-        ("makehuman/tpose.bvh", [("upperleg01.L", "foot.L"), ("upperleg01.R", "foot.R")]),
-        ("pybvh/bvh_test2.bvh", [("LeftHip", "LeftAnkle"), ("RightHip", "RightAnkle")]),
-    ],
-)
-def test_legs_of_real_rigs(file, legs):
-    found = names_of_legs(read_bvh(CORPUS / file).rigid_skeleton)
-    assert [leg[: len(legs[0])] for leg in found] == legs
-
-
-def test_legs_are_found_on_bodies_of_any_proportion():
-    for seed in range(10):
-        body = other_lengths(replace(person()), seed)
-        halves = np.array(body.lengths)
-        for joint, name in enumerate(body.names):
-            if name.startswith("Right"):
-                halves[joint] = halves[body.index("Left" + name[5:])]
-        body = body.with_lengths(halves)
-        assert {body.names[leg.hip] for leg in tree_legs(body)} <= {"LeftHip", "RightHip", "Hips"}
 
 
 # ---- by the parts of a body

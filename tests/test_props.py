@@ -260,12 +260,6 @@ def test_what_is_no_obj_is_refused(text, line, words):
     assert caught.value.line == line
 
 
-@pytest.mark.parametrize("corner", ["1_0", "٣", "x", "1.5", "0", "4", "9" * 5000])
-def test_corners_that_are_no_vertices_above_are_refused(corner):
-    with pytest.raises(BvhError, match="expected the number of one of the 3 vertices above"):
-        parse_obj(f"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1/1/1 -2 {corner}\n", "prop.obj")
-
-
 CORNERS = np.array([[x, y, z] for x in (0.0, 2.0) for y in (0.0, 1.0) for z in (0.0, 3.0)])
 TRIANGLES = ConvexHull(CORNERS).simplices
 
@@ -314,15 +308,15 @@ def test_the_distance_from_bones_is_known():
     np.testing.assert_allclose(out[0], [[0, 1, 0], [1, 0, 0], [1, 0, 0]])
 
 
-def test_faces_of_an_obj_file():
+@pytest.mark.parametrize("corner", ["1_0", "٣", "x", "1.5", "0", "5", "-5", "9" * 5000])
+def test_faces_of_an_obj_file(corner):
     text = "v 0 0 0\nv 1 0 0\nv 1 1 0\nf 1/1 2/2/2 3\nv 0 1 0\nf 1 2 3 -1\n"
     vertices, triangles = parse_obj(text, "prop.obj")
     assert len(vertices) == 4
     np.testing.assert_array_equal(triangles, [[0, 1, 2], [0, 1, 2], [0, 2, 3]])
-    for face in ("0 1 2", "1 2 5", "1 x 2", "-5 1 2"):
-        with pytest.raises(BvhError, match="expected the number of one of the 4 vertices above") as caught:
-            parse_obj(text + f"f {face}\n", "prop.obj")
-        assert caught.value.line == 7
+    with pytest.raises(BvhError, match="expected the number of one of the 4 vertices above") as caught:
+        parse_obj(f"{text}f 1/1/1 -2 {corner}\n", "prop.obj")
+    assert caught.value.line == 7
 
 
 @cache

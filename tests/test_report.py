@@ -5,6 +5,7 @@ import re
 import zlib
 from base64 import b64decode
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from bodies import (
     lengthened,
     moved,
     posed,
+    sample_run,
     standing,
     swaying,
     tree_of,
@@ -118,8 +120,8 @@ def test_five_thousand_frames_of_sixty_joints_take_less_than_9_mb():
 
 
 def test_a_long_clip_is_thinned(monkeypatch):
-    monkeypatch.setattr(thinned, "__defaults__", (50_000,))
-    motion = swaying(PERSON, 2000)
+    monkeypatch.setattr(thinned, "__defaults__", (10_000,))
+    motion = swaying(PERSON, 400)
     one, _ = stage_of(motion, motion)["actors"]
     assert one["step"] > 1
     frames = len(numbers(one["path"], "<f4")) / 3
@@ -171,15 +173,11 @@ CUT = """width => [...document.querySelectorAll('section, .metric, .bar > *, td'
 OFF = 1e-4 / 1.7  # 0.1 mm on a body of 1.7 m
 
 
-def sample():
-    """A real run on a character with a mesh."""
-    return retarget(read_bvh(SAMPLES / "clap.bvh"), load_target(HERO))
-
-
 def sample_page():
     limits = {"contact_error": 0.5, "foot_height": 1e-9}
     return run_page(
-        sample(), About(a="clap.bvh", b="clap_hero.glb", command="distretarget clap", limits=(*limits.items(),))
+        sample_run("clap"),
+        About(a="clap.bvh", b="clap_hero.glb", command="distretarget clap", limits=(*limits.items(),)),
     )
 
 
@@ -202,6 +200,7 @@ def from_t_pose(frames=60):
     return posed(PERSON, turns, np.tile([0.0, 0.9, 0.0], (frames, 1)))
 
 
+@cache
 def asked_run():
     """A clap that is dropped in some frames, and a contact that is made."""
     contacts = (
@@ -251,7 +250,7 @@ def picture(tab):
 
 
 def test_joints_and_vertices_are_where_the_result_has_them(opened):
-    run, tab = sample(), opened()
+    run, tab = sample_run("clap"), opened()
     unit, floor = 2 * run.matching.leg_lengths[1], None
     for number in (0, 100, len(run.motion) - 1):
         placed = (
@@ -588,7 +587,7 @@ def assert_inside(one, other):
 
 
 def test_a_run_opens_with_its_verdict_and_controls_with_names(opened):
-    tab, run = opened(), sample()
+    tab, run = opened(), sample_run("clap")
     assert tab.inner_text("#verdict") == run.verdict
     assert tab.locator("#warnings li").all_inner_texts() == [*run.warnings]
     assert tab.inner_text("#title") == "result clap_hero.glb against source clap.bvh" == tab.title()
@@ -607,7 +606,7 @@ def test_a_run_opens_with_its_verdict_and_controls_with_names(opened):
 
 
 def test_cards_show_metrics_and_limits_inside_them_and_rows_their_values(opened):
-    tab, run = opened(), sample()
+    tab, run = opened(), sample_run("clap")
     values = document(run_diff(run), About(a="", b="", rotation_copy=run.tracks["rotation_copy"]))["metrics"]
     first = metrics_at("card")
     cards = tab.locator(".metric").all()

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from bodies import CORPUS, SAMPLES, moved, needs_corpus
+from bodies import CORPUS, SAMPLES, lowered, moved, needs_corpus
 from scipy.spatial.transform import Rotation
 from zoo import CONVENTIONS, rig
 
@@ -45,25 +45,6 @@ def result_on(path, convention, pose):
 
 def carried(path, convention, pose):
     return result_on(path, convention, pose).motion
-
-
-def below(body, tops):
-    """All joints below the given ones, without these."""
-    found = set(tops)
-    for joint in range(len(body)):
-        if body.parents[joint] in found:
-            found.add(joint)
-    return sorted(found - set(tops))
-
-
-def lowered(body, angle):
-    """The body with its arms turned down [degrees]."""
-    forward = np.array([0.0, -1.0, 0.0]) if body.up == "Z" else np.array([0.0, 0.0, 1.0])
-    offsets = np.array(body.offsets)
-    for side, sign in (("left", -1.0), ("right", 1.0)):
-        arm = below(body, [by_names(body).roles[f"{side}UpperArm"]])
-        offsets[arm] = Rotation.from_rotvec(sign * np.radians(angle) * forward).apply(offsets[arm])
-    return body.with_offsets(offsets)
 
 
 def apart(one, other):

@@ -190,28 +190,12 @@ def test_a_scene_that_is_moved_and_turned_has_the_same_result(angle, bound):
         assert np.abs(expected - other.motion.positions.reshape(-1, 3)).max() < bound * size()
 
 
-def test_performers_who_never_meet_move_as_alone_in_that_world():
-    one, other = leaning(), moved(leaning(), Rotation.identity(), shift=(1000.0, 0.0, 0.0))
-    scene = retarget_scene([one, other], [bodies()[0]] * 2)
-    assert scene.sweeps == 1
-    assert scene.gaps[0, 1] is None
-    expected = retarget(one, bodies()[0]).motion.positions
-    np.testing.assert_allclose(scene.results[0].motion.positions, expected, atol=1e-6 * size())
-
-
 def with_a_double(name):
     """The supports of a sample performer alone, and in a scene with another who moves alike 2 cm beside."""
     source = sample(f"supports/{name}")[::2]
     child = sample_target("child")
     scene = retarget_scene([source, moved(source, Rotation.identity(), shift=(2.0, 0.0, 0.0))], [child] * 2)
     return retarget(source, child).supports, scene.results[0].supports
-
-
-def test_hands_on_the_floor_stay_there_while_another_performer_touches_them():
-    """Only what rests off the floor gives way: the floor is in its place whoever comes near."""
-    alone, touched = with_a_double("crawl")
-    assert (alone.weights[:, alone.feet :] > 0.99).any()
-    np.testing.assert_allclose(touched.weights, alone.weights, atol=1e-12)
 
 
 def test_on_a_ladder_hands_that_another_performer_touches_give_way_and_feet_do_not():
@@ -435,20 +419,6 @@ def found(scale, *reaches):
     return find_performer_contacts(one, other, scale, UP, 0.02, ContactSettings())
 
 
-@pytest.mark.parametrize("reaches", [(90.0, 90.0), (60.0, 120.0)])
-def test_gaps_have_the_scale_of_the_world(reaches):
-    """As the floor's along it, and as the bodies' upwards."""
-    touching = found(RootScale(1.5, 1.2), *reaches)
-    assert touching.frames.tolist() == list(range(FRAMES))
-    np.testing.assert_allclose(touching.vectors, np.tile([3.0, 1.2, 3.0], (FRAMES, 1)))
-
-
-@pytest.mark.parametrize("reaches", [(60.0, 60.0), (45.0, 75.0)])
-def test_gaps_do_not_grow_with_legs_alone(reaches):
-    """Both paths together are as long as in the source, so the gap is, although the world is half as large again."""
-    np.testing.assert_allclose(found(RootScale.even(1.5), *reaches).vectors, np.tile(BETWEEN, (FRAMES, 1)))
-
-
 def test_a_gap_is_off_by_what_its_length_is():
     contacts = found(RootScale.even(1.0), 60.0, 60.0)
     one = np.full((FRAMES, 1, 3), 4.0)
@@ -496,3 +466,18 @@ def test_hands_that_are_merely_near_do_not_touch():
         both = points(away, 60.0), points(np.zeros(3), 60.0)
         contacts = find_performer_contacts(*both, RootScale.even(1.0), UP, 0.02, ContactSettings())
         assert bool(len(contacts.frames)) == touches
+
+
+@pytest.mark.parametrize(
+    ("reaches", "scale", "gap"),
+    [
+        ((90.0, 90.0), RootScale(1.5, 1.2), [3.0, 1.2, 3.0]),  # as the floor's along it, and as the bodies' upwards
+        ((60.0, 120.0), RootScale(1.5, 1.2), [3.0, 1.2, 3.0]),
+        ((60.0, 60.0), RootScale.even(1.5), BETWEEN),  # both paths together are as long as in the source
+        ((45.0, 75.0), RootScale.even(1.5), BETWEEN),
+    ],
+)
+def test_gaps_have_the_scale_of_the_world_and_do_not_grow_with_legs_alone(reaches, scale, gap):
+    touching = found(scale, *reaches)
+    assert touching.frames.tolist() == list(range(FRAMES))
+    np.testing.assert_allclose(touching.vectors, np.tile(gap, (FRAMES, 1)))

@@ -31,11 +31,11 @@ def sources(name):
 
 
 @cache
-def scene(name, order=1):
+def scene(name):
     """The performers of a sample scene on a child and on a body as long as the source's, both as thick as adults."""
     body = sources(name)[0].rigid_skeleton
     targets = [sample_target("child").for_source(body), body]
-    return retarget_scene(sources(name)[::order], targets[::order], skin="average").results
+    return retarget_scene(sources(name), targets, skin="average").results
 
 
 def hand_gaps(performers, kind, motions):
@@ -138,18 +138,13 @@ def test_who_claps_beside_another_claps_as_alone():
         assert performer.metrics["result"]["skin_gap"] == pytest.approx(alone, abs=0.05)
 
 
-def test_the_order_of_thick_performers_hardly_matters():
-    for one, other in zip(scene("waltz"), scene("waltz", -1)[::-1], strict=True):
-        off = np.abs(one.motion.positions - other.motion.positions)
-        assert (off < 2.0).mean() > 0.95  # cm; one arm may pass another on either side
-
-
 def test_thick_performers_who_never_meet_move_as_alone():
     one, body = sources("push")[0], sources("push")[0].rigid_skeleton
     other = moved(one, Rotation.identity(), shift=(1000.0, 0.0, 0.0))
-    apart = retarget_scene([one, other], [body] * 2, skin="average").results[0].motion
+    apart = retarget_scene([one, other], [body] * 2, skin="average")
+    assert (apart.sweeps, apart.gaps[0, 1]) == (1, None)
     alone = retarget(one, body, Options(skin="average")).motion
-    np.testing.assert_allclose(apart.positions, alone.positions, atol=1e-6)
+    np.testing.assert_allclose(apart.results[0].motion.positions, alone.positions, atol=1e-6)
     body = sources("handshake")[0].rigid_skeleton
     fat = Build({part: np.multiply(ends, [1.0, 1.0, 1.0, 1.5]) for part, ends in average_build("adult").parts.items()})
     given = {"skin": ["auto", "average"], "builds": [Builds(target=fat), Builds()]}

@@ -11,7 +11,6 @@ from distretarget import read_bvh
 from distretarget.body.anatomy import SIDES
 from distretarget.body.shape import by_shape
 
-LIMBS = ("Shoulder", "UpperArm", "LowerArm", "Hand", "UpperLeg", "LowerLeg", "Foot", "Toes")
 TURN = Rotation.from_rotvec([1.0, -2.0, 0.7])
 
 
@@ -325,79 +324,6 @@ def test_random_trees_are_no_human_bodies():
 # Real rigs
 
 
-MIXAMO = "{}Shoulder {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot {}ToeBase"
-POSER = "{}Collar {}Shldr {}ForeArm {}Hand {}Thigh {}Shin {}Foot -"
-OPTITRACK = "{}Collar {}Shoulder {}Elbow {}Wrist {}Hip {}Knee {}Ankle {}Toe"
-MAKEHUMAN = "clavicle.{} upperarm01.{} lowerarm01.{} wrist.{} upperleg01.{} lowerleg01.{} foot.{} -"
-SECOND_LIFE = "Clavicle_{} UpArm_{} LoArm_{} Hand_{} UpLeg_{} LoLeg_{} Foot_{} Toe_{}"
-WORDS, LETTERS = ("Left", "Right"), ("L", "R")
-SPINE4 = "Spine Spine1 Spine2 Spine3"
-CMU = ("Hips", "LowerBack Spine Spine1", "Neck Neck1", "Head", MIXAMO, WORDS)
-MAKEHUMAN_RIG = ("root", "spine05 spine04 spine03 spine02 spine01", "neck01 neck02 neck03", "head", MAKEHUMAN, LETTERS)
-OLD_MAKEHUMAN_RIG = ("Root", "Spine1 Spine2 Spine3", "Neck", "Head", SECOND_LIFE, LETTERS)
-PLAIN = ("Hips", "Spine", "Neck", "Head", "- {}Arm {}ForeArm {}Hand {}UpLeg {}Leg {}Foot -", WORDS)
-RIGS = {  # hips, spine, neck, head, limbs in the order of LIMBS, left and right
-    "animated_drawings/dab.bvh": ("Hips", SPINE4, "Neck", "Head", MIXAMO, WORDS),
-    "animated_drawings/jesse_dance.bvh": ("Hips", "Spine Spine1 Spine2", "Neck", "Head", MIXAMO, WORDS),
-    "animated_drawings/jumping_jacks.bvh": (
-        "Hips",
-        "lowerback Chest Chest2",
-        "lowerneck Neck",
-        "Head",
-        OPTITRACK,
-        WORDS,
-    ),
-    "animated_drawings/wave_hello.bvh": ("Hips", SPINE4, "Neck", "Head", MIXAMO, WORDS),
-    "bvhio/example.bvh": (
-        "Hips",
-        "Chest",
-        "Neck",
-        "Head",
-        "{}Collar {}UpArm {}LowArm {}Hand {}UpLeg {}LowLeg {}Foot -",
-        WORDS,
-    ),
-    "cmu_daz/02_01.bvh": ("hip", "abdomen chest", "neck", "head", POSER, ("l", "r")),
-    "cmu_mb/01_01.bvh": CMU,
-    "cmu_mb/02_01.bvh": CMU,
-    "cmu_mb/05_02.bvh": CMU,
-    "cmu_mb/12_01.bvh": CMU,
-    "makehuman/benchmark.bvh": MAKEHUMAN_RIG,
-    "makehuman/dance1.bvh": OLD_MAKEHUMAN_RIG,
-    "makehuman/face-poseunits.bvh": MAKEHUMAN_RIG,
-    "makehuman/tpose.bvh": MAKEHUMAN_RIG,
-    "makehuman/walk1.bvh": OLD_MAKEHUMAN_RIG,
-    "makehuman_old/12_03.bvh": CMU,
-    "pybvh/bvh_example.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO, WORDS),
-    "pybvh/bvh_test2.bvh": ("Hips", "Chest Chest2 Chest3 Chest4", "Neck", "Head", OPTITRACK, WORDS),
-    "pybvh/bvh_test3.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO.replace("ToeBase", "ForeFoot"), WORDS),
-    "pybvh/standard_skeleton.bvh": ("Hips", SPINE4, "Neck Neck1", "Head", MIXAMO, WORDS),
-    "synthetic_odd/odd_plain.bvh": PLAIN,
-    "synthetic_odd/odd_frames_0.bvh": PLAIN,
-    "synthetic_odd/odd_end_site_zero.bvh": PLAIN,
-    "synthetic_odd/odd_no_end_sites.bvh": PLAIN,
-    "synthetic_odd/odd_zero_offset_joints.bvh": PLAIN,
-}
-
-
-def parts(skeleton, anatomy):
-    """The parts as listed in `RIGS`: names of hips, spine, neck and head, and of the limbs per side."""
-    names = named(skeleton, anatomy)
-    spine, neck = (" ".join(skeleton.names[joint] for joint in joints) for joints in (anatomy.spine, anatomy.neck))
-    limbs = tuple(" ".join(names.get(side + role, "-") for role in LIMBS) for side in SIDES)
-    return names["hips"], spine, neck, names["head"], *limbs
-
-
-@needs_corpus
-@pytest.mark.parametrize("file", RIGS)
-def test_real_rigs(file):
-    *trunk, limbs, sides = RIGS[file]
-    expected = (*trunk, *(limbs.replace("{}", side) for side in sides))
-    motion = read_bvh(CORPUS / file)
-    body = motion.rigid_skeleton
-    assert parts(body, by_shape(body)) == expected
-    assert parts(body, by_shape(body, motion.positions)) == expected
-
-
 @needs_corpus
 @pytest.mark.parametrize(
     "file",
@@ -416,10 +342,3 @@ def test_real_rigs_whose_rest_pose_lies_along_one_axis_in_any_order(file):
     found = by_shape(body, motion.positions[:, order])
     expected = by_shape(motion.rigid_skeleton, motion.positions)
     assert {role: order[joint] for role, joint in found.roles.items()} == expected.roles
-
-
-@needs_corpus
-@pytest.mark.parametrize("file", ["pybvh/full_precision_frame_time.bvh", "pybvh/rotation_first_root.bvh"])
-def test_real_files_without_a_body(file):
-    motion = read_bvh(CORPUS / file)
-    assert by_shape(motion.skeleton, motion.positions) is None

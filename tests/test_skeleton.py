@@ -1,16 +1,13 @@
 """Skeletons: what they refuse, and paths, places, reaches and branches of trees against plain searches."""
 
 import tracemalloc
-from collections import Counter
 from dataclasses import replace
-from itertools import combinations
 
 import numpy as np
 import pytest
-from bodies import paths_of, tree_of
+from bodies import tree_of
 from hypothesis import given
 from hypothesis import strategies as st
-from table_one import table_one
 
 from distretarget import Motion, retarget
 from distretarget.body.body import Body
@@ -54,15 +51,6 @@ def test_paths_match_a_naive_walk(skeleton):
             tau = sum(lengths[joint] for joint in path if joint != top)
             assert sizes[u, v] == len(path)
             np.testing.assert_allclose(paths[u, v], tau, rtol=1e-12, atol=1e-12)
-
-
-@given(trees())
-def test_tau_is_a_metric_along_the_tree(skeleton):
-    tau = paths_of(skeleton)
-    np.testing.assert_array_equal(np.diag(tau), 0)
-    np.testing.assert_allclose(tau, tau.T, rtol=1e-12)
-    distances = np.linalg.norm(skeleton.rest_positions[:, None] - skeleton.rest_positions, axis=2)
-    assert np.all(distances <= tau * (1 + 1e-9) + 1e-9)
 
 
 @given(trees(), st.floats(0.1, 10))
@@ -138,41 +126,6 @@ def test_arrays_are_read_only_copies():
         tree([], np.zeros((0, 3)))
     skeleton = tree_of(np.eye(3), "abc", ends="c")
     assert repr(skeleton) == "<Skeleton of 2 joints and 1 End Sites>"
-
-
-def test_table_one_has_the_papers_paths():
-    skeleton = table_one()
-    pairs = list(combinations(range(len(skeleton)), 2))
-    found = skeleton.path_sizes(np.arange(len(skeleton)))
-    sizes = Counter(int(found[pair]) for pair in pairs)
-    assert (len(skeleton), len(pairs)) == (22, 231)
-    assert sizes == {2: 21, 3: 24, 4: 27, 5: 28, 6: 31, 7: 28, 8: 24, 9: 22, 10: 14, 11: 8, 12: 4}
-
-
-@pytest.mark.parametrize(
-    ("u", "v", "size", "length"),
-    [
-        ("RightWrist", "RightToe", 12, 0.258 + 0.273 + 0.158 + 0.072 + 0.408 + 0.108 + 0.435 + 0.453 + 0.125),
-        ("RightWrist", "LeftWrist", 9, 2 * (0.258 + 0.273 + 0.158 + 0.072)),
-        ("Hips", "Chest", 2, 0.160),
-        ("Head", "Head", 1, 0),
-    ],
-)
-def test_table_one_paths(u, v, size, length):
-    skeleton = table_one()
-    pair = np.array([skeleton.index(u), skeleton.index(v)])
-    assert skeleton.path_sizes(pair)[0, 1] == size
-    np.testing.assert_allclose(skeleton.paths_among(pair)[0, 1], length, rtol=1e-12)
-
-
-def test_table_one_is_a_symmetric_t_pose():
-    skeleton = table_one()
-    positions = dict(zip(skeleton.names, skeleton.rest_positions, strict=True))
-    for name, position in positions.items():
-        if name.startswith("Left"):
-            mirrored = positions[name.replace("Left", "Right")] * (-1, 1, 1)
-            np.testing.assert_array_equal(position, mirrored)
-            assert position[0] > 0
 
 
 KINDS = {

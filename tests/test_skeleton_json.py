@@ -13,7 +13,7 @@ from input_files import file_of
 from skeleton_files import HEAD_END, HIPS, MANUAL, SPINE, assert_same, full, load_json, short, valid
 from table_one import table_one
 
-from distretarget.errors import BvhError, FileError, SkeletonError, SkeletonFileError
+from distretarget.errors import BvhError, SkeletonError, SkeletonFileError
 from distretarget.io.reading import load_target, parse_full_target
 from distretarget.io.skeleton_json import matching_joints, skeleton_to_json
 from distretarget.skeleton import ALL_CHANNELS, DEFAULT_ROOT, DEFAULT_ROTATIONS, SMALLEST, Skeleton
@@ -281,10 +281,6 @@ def test_only_the_joints_so_far_are_meant():
     assert meant_by("a/b", ("a", "b", "a", "b"), (-1, 0, 1, 2)) == [1]
 
 
-def test_table_one_round_trip():
-    assert_same(load_json(skeleton_to_json(table_one(), "table one")), table_one())
-
-
 def test_written_text():
     skeleton = load_json(json.dumps(full(HIPS, SPINE | {"name": "Rücken"}, units="cm")))
     skeleton = replace(skeleton, end_sites=[False, True], channels=(("Xrotation",), ()))
@@ -388,11 +384,6 @@ def test_content_decides_between_json_and_bvh(tmp_path):
 def test_neither_json_nor_bvh(written):
     with pytest.raises(BvhError):
         load_target(written("name: hero"))
-
-
-def test_missing_file(tmp_path):
-    with pytest.raises(FileError, match="no such file"):
-        load_target(tmp_path / "none.json").for_source(table_one())
 
 
 @pytest.mark.parametrize(

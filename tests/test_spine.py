@@ -84,21 +84,6 @@ def bent(body, name, degrees):
     return posed(body, turns, np.tile(body.offsets[0], (2, 1)))
 
 
-@numbers
-@others
-@pytest.mark.parametrize("uneven", [0.0, 0.4])
-def test_the_blend_grows_along_the_chain_between_neighbours(source_joints, target_joints, uneven):
-    source, target = person(source_joints, uneven=uneven), other_person(target_joints)
-    matching = found_matching(source, target)
-    joints, drivers = chain(target, "Back"), chain(source, "Spine")
-    along = places(matching, joints, drivers)
-    assert np.all(np.diff(along) > 0) or source_joints == 1 or target_joints > source_joints
-    assert np.all(np.diff(along) >= 0)
-    assert np.all((matching.blend >= 0) & (matching.blend <= 1))
-    pairs = np.diff([[drivers.index(driver) for driver in pair] for pair in matching.rotation_sources[joints]])
-    assert set(pairs.flat) <= {0, 1}
-
-
 @pytest.mark.parametrize("count", NUMBERS)
 def test_chains_of_as_many_joints_go_one_to_one(count):
     source, target = person(count, neck=2, uneven=0.5), person(count, neck=2)

@@ -171,10 +171,6 @@ def test_stated_radii_are_kept(mesh):
     assert capsules.radii[capsules.joints == elbow].mean() == pytest.approx(0.2 * HEIGHT)
 
 
-def test_a_body_without_anatomy_has_no_capsules(mesh):
-    assert not len(capsules_of(replace(BODY, anatomy=None), mesh))
-
-
 def test_every_joint_of_a_person_is_in_the_segment_of_its_role():
     segments = find_segments(BODY)
     roles = {"hips": "pelvis", "head": "head", "leftHand": "left hand", "rightUpperLeg": "right thigh"}

@@ -65,12 +65,6 @@ def test_blocks_of_a_long_clip_are_computed_side_by_side(monkeypatch):
     assert mapper_for(768, 1) is map
 
 
-@pytest.mark.parametrize("first", [0, 384])
-def test_an_error_in_a_block_reaches_the_caller(first):
-    with pytest.raises(ZeroDivisionError):
-        over_blocks(lambda block: 1 // (block.start - first), 768, FEWEST_JOINTS)
-
-
 SHORT = 90  # frames per chunk, small because the clips of the tests are short
 
 
@@ -96,7 +90,7 @@ def test_chunks_are_about_equal():
     assert CHUNK_FRAMES / 1.5 < max(sizes) < CHUNK_FRAMES * 1.5
 
 
-@pytest.mark.parametrize("clip", ["clap", "hands_on_hips", "squat", "walk", "wave"])
+@pytest.mark.parametrize("clip", ["clap", "squat", "walk"])
 def test_a_cut_leaves_no_seam(clip, monkeypatch):
     source = sample(clip)
     target = sample_target("long_arms").for_source(source.skeleton).skeleton
