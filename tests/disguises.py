@@ -323,14 +323,18 @@ def with_sword(motion: Motion) -> Motion:
     return on_skeleton(motion, with_chain(motion.skeleton, motion.skeleton.index("RightWrist"), named))
 
 
-def leaning(motion: Motion) -> Motion:
-    """The rest pose leans to the side; the body moves as before."""
-    turn = Rotation.from_euler("z", 30, degrees=True)
-    skeleton = motion.skeleton.with_offsets(turn.apply(np.array(motion.skeleton.offsets)))
-    rotations = turn * Rotation.from_quat(motion.rotations.reshape(-1, 4)) * turn.inv()
-    rotations = rotations.as_quat().reshape(motion.rotations.shape)
-    rotations[:, 0] = (Rotation.from_quat(motion.rotations[:, 0]) * turn.inv()).as_quat()
-    return replace(motion, skeleton=skeleton, rotations=rotations)
+def leaning(axis: str, degrees: float) -> Structure:
+    """The rest pose leans or is turned as a whole; the body moves as before."""
+
+    def write(motion: Motion) -> Motion:
+        turn = Rotation.from_euler(axis, degrees, degrees=True)
+        rotations = turn * Rotation.from_quat(motion.rotations) * turn.inv()
+        rotations = rotations.as_quat()
+        rotations[:, 0] = (Rotation.from_quat(motion.rotations[:, 0]) * turn.inv()).as_quat()
+        offsets = turn.apply(np.array(motion.skeleton.offsets))
+        return replace(motion, skeleton=motion.skeleton.with_offsets(offsets), rotations=rotations)
+
+    return write
 
 
 def resting(part: str, axis: str, degrees: float) -> Structure:
