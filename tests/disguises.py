@@ -309,12 +309,16 @@ def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bo
     return write
 
 
-def with_heels(motion: Motion) -> Motion:
-    """Each foot has one more joint at the heel, as high as the toes or the ankle."""
-    skeleton = motion.skeleton
-    for side, height in zip(SIDES, (-3.5, 0.0), strict=True):
-        skeleton = with_chain(skeleton, skeleton.index(f"{side}Ankle"), {f"{side}Heel": [0.0, height, -5.0]})
-    return on_skeleton(motion, skeleton)
+def with_heels(*heights: float) -> Structure:
+    """Each foot has one more joint at the heel, at a height above the ankle [cm]."""
+
+    def write(motion: Motion) -> Motion:
+        skeleton = motion.skeleton
+        for side, height in zip(SIDES, heights, strict=True):
+            skeleton = with_chain(skeleton, skeleton.index(f"{side}Ankle"), {f"{side}Heel": [0.0, height, -5.0]})
+        return on_skeleton(motion, skeleton)
+
+    return write
 
 
 def with_sword(motion: Motion) -> Motion:
