@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from bodies import SAMPLES, SIDES, in_world, on_skeleton
+from built_rigs import with_axes
 from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
 from skeleton_edits import turned_below, with_chain
@@ -339,6 +340,11 @@ def leaning(axis: str, degrees: float) -> Structure:
         return replace(motion, skeleton=motion.skeleton.with_offsets(offsets), rotations=rotations)
 
     return write
+
+
+def striding(motion: Motion) -> Motion:
+    """The rest pose is a frame of the motion."""
+    return with_axes(motion, Rotation.from_quat(motion.world_rotations[0]).inv())
 
 
 def resting(part: str, axis: str, degrees: float) -> Structure:

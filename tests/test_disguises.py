@@ -26,6 +26,7 @@ from disguises import (
     resting,
     sample,
     straight_below,
+    striding,
     targets,
     toes_end,
     turned_at_most,
@@ -231,6 +232,17 @@ def test_a_target_whose_rest_pose_leans_moves_as_the_plain_one(disguise, structu
     results = [retarget(source, target) for target in (usual, other)]
     assert farthest_apart(*(result.motion for result in results)) < 0.05
     assert results[1].warnings == results[0].warnings
+
+
+def test_a_rest_pose_out_of_a_stride_is_named(disguise):
+    """How the trunk turns in it cannot be told from the build; the rest is right."""
+    walk, line = sample("walk"), "strides at rest, and how trunk, hands and head turn there is taken for its build"
+    plain_result = retarget(disguise.worn(walk), targets()[1])
+    result = retarget(disguise.worn(striding(walk)), targets()[1])
+    assert next(each for each in result.warnings if line in each).startswith("the source strides")
+    assert not [each for each in plain_result.warnings if line in each]
+    assert farthest_apart(plain_result.motion, result.motion) < 8.0
+    assert not retarget(striding(walk), striding(walk).skeleton).warnings
 
 
 TURNED_OUT = [resting("Hip", "y", 30), resting("Ankle", "y", 30)]

@@ -15,11 +15,12 @@ STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rare
 FOLDED = 45.0  # with a smaller angle between trunk and legs, a rest pose does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
 AHEAD = np.cos(np.radians(10))  # so is left within this angle: a body that faces an axis is symmetric about it [cosine]
-# A posture leans as a whole if legs side by side, whose lean ahead differs by less than `STRIDE`, lean by more than
-# `LEAN`, and the trunk leans at least `ALONG` times as much to the same side; it is turned if hip joints and shoulders
-# are turned the same way by more than `TURNED`. In 40 rigs that stand upright legs lean by up to 3 degrees, or 6 while
-# the trunk does not; hip joints are not turned, and shoulders by up to 4 degrees [sines].
-LEAN, STRIDE, TURNED, ALONG = *np.sin(np.radians([4.5, 6.0, 1.5])), 0.15
+# A posture leans as a whole if its legs, side by side but for `STRIDE`, lean by more than `LEAN`, and its trunk at
+# least `ALONG` times as much to the same side; it is turned if hip joints and shoulders are turned the same way by more
+# than `TURNED`. In 40 rigs that stand upright legs lean by up to 3 degrees, or 6 while the trunk does not, and stride
+# by up to 2; hip joints are not turned, and shoulders by up to 4 degrees.
+STRIDE = 6.0  # [degrees]
+LEAN, TURNED, ALONG = *np.sin(np.radians([4.5, 1.5])), 0.15  # [sines]
 PARALLEL = 1e-6  # directions are parallel if the angle between them is smaller than this [rad]
 
 
@@ -114,15 +115,24 @@ class Directions:
         lean = self._lean
         return normalised(axis_vector(nearest_axis(up)[0]) + lean) if lean.any() else _snapped(up)
 
+    @property
+    def stride(self) -> float:
+        """The angle between the legs of a posture, seen from the side [degrees]; 0 without legs."""
+        legs = [self.bone(f"{side}UpperLeg", f"{side}Foot") for side in SIDES]
+        if legs[0] is None or legs[1] is None:
+            return 0.0
+        return float(
+            np.degrees(abs(np.arctan2(cross(legs[0], legs[1]) @ self.left, level(legs[0], self.left) @ legs[1])))
+        )
+
     @cached_property
     def _lean(self) -> Array:
         """(3,), how far a posture leans as a whole: horizontal, its length is the tangent of the angle; mostly zero."""
-        legs = [self.bone(f"{side}UpperLeg", f"{side}Foot") for side in SIDES]
         up = axis_vector(nearest_axis(self.up)[0])
         aside = normalised(level(self.left, up))
         ways = np.stack([aside, cross(aside, up)])
         lean, along = ways @ -self.legs, ways @ self.trunk
-        if legs[0] is None or legs[1] is None or abs((legs[0] - legs[1]) @ ways[1]) > STRIDE:
+        if self.stride > STRIDE:
             return np.zeros(3)
         lean = np.where(lean * along > ALONG * lean**2, lean, 0.0)
         return np.asarray(lean @ ways / abs(self.legs @ up) if np.linalg.norm(lean) > LEAN else np.zeros(3))
