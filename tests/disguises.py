@@ -273,11 +273,13 @@ def nulls(motion: Motion) -> Motion:
     return _doubled(lambda name, offset: [(f"{name}_null", 0 * offset, False), (name, offset, True)])(motion)
 
 
-def with_twists(motion: Motion) -> Motion:
-    """Elbows, wrists, knees and ankles hang from one more joint in the middle of their bone, which does not turn."""
+def with_twists(motion: Motion, parts: tuple[str, ...] = ("Elbow", "Wrist", "Knee", "Ankle")) -> Motion:
+    """Elbows, wrists, knees and ankles, or some of them, hang from one more joint in the middle of their bone, which
+    does not turn.
+    """
 
     def two(name: str, offset: np.ndarray) -> Sequence[tuple[str, np.ndarray, bool]]:
-        if name.endswith(("Elbow", "Wrist", "Knee", "Ankle")):
+        if name.endswith(parts):
             return [(f"{name}_twist", offset / 2, False), (name, offset / 2, True)]
         return [(name, offset, True)]
 

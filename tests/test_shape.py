@@ -220,6 +220,14 @@ def test_a_thigh_in_two_pieces_begins_above_both():
     assert named(body, by_shape(body)) == PERSON
 
 
+@pytest.mark.parametrize("parts", [("Elbow", "Knee"), ("Knee",), ("Elbow", "Wrist", "Knee")])
+def test_a_thigh_in_two_pieces_above_a_whole_shin_is_one(parts):
+    """Daz has a twist joint in the thigh and none in the shin."""
+    skeleton = with_twists(sample("walk")[:1], parts).skeleton
+    anatomy = Body.of(nameless(skeleton)).anatomy
+    assert named(skeleton, anatomy) == named(skeleton, Body.of(skeleton).anatomy)
+
+
 @pytest.mark.parametrize("build", BUILDS)
 @pytest.mark.parametrize("clip", ["walk", "squat", "wave"])
 def test_twist_joints_of_a_rig_that_lies_at_rest_are_no_elbows_and_knees(clip, build):

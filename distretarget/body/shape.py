@@ -12,14 +12,22 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
-from distretarget.body.limbs import SHORTEST_LIMB, Leg, are_alike, is_bend, limb_length, longest_limbs, tree_legs
+from distretarget.body.limbs import (
+    SHORTEST_LIMB,
+    STRAIGHT,
+    Leg,
+    are_alike,
+    is_bend,
+    limb_length,
+    longest_limbs,
+    tree_legs,
+)
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 FORK = 0.5  # a chain ends where a branch of this length leaves it: fingers, toes, face [lengths of the longest branch]
-STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]
 MOST_FRAMES = 500  # up to so many frames of a motion, evenly spread, show which bones are in line
-BENDING = 0.1  # bones bend in a motion if the angle between two changes by more than this [cosine]
+BENDING = 0.01  # bones bend in a motion if the angle between two changes by more than this [cosine]
 RIGID = np.radians(1)  # two bones are in line in all frames if they never bend by more than this [rad]
 SHORTEST_SHIN = 0.1  # a shorter bone above the end of the leg is part of the foot [leg lengths]
 SHORTEST_FOREARM = 0.5  # the last bone of an arm with at least this length is the forearm [length of its longest bone]
