@@ -49,6 +49,9 @@ from distretarget.skin.mesh import SkinnedMesh
 
 COMPARED = 10  # time to measure a joint over that of its forward kinematics
 TURNS = 15.0  # there is a warning if a body should turn by more than this and cannot [degrees]
+NO_LEAP = (
+    1.0  # nobody stays higher than this above a floor that no foot rests on, but in the air or water [leg lengths]
+)
 STRIDES = 12.0  # there is a warning if legs are farther apart at rest, seen from the side [degrees]
 REACH = 0.025  # a resting joint is seen to miss its place from 5 % of a leg on, half a shoe's width [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # the metrics that flag frames
@@ -385,7 +388,7 @@ class RetargetResult:
             joints = np.flatnonzero(body.regions.of_joint >= 0)
             heights = lowest_heights(source.positions, self.world.up_vector, joints) / body.leg_length
             low, high = np.percentile(heights, [LOWEST_FRAMES, 100.0 - LOWEST_FRAMES])
-            if high < -OFF_FLOOR or (low > OFF_FLOOR and self.supports.weights.any()):
+            if high < -OFF_FLOOR or low > (OFF_FLOOR if self.supports.weights.any() else NO_LEAP):
                 off, side = (-high, "below") if high < 0.0 else (low, "above")
                 yield Remark(f"the source stays {100.0 * off:.0f} % of a leg {side} height 0, and the result with it")
 
