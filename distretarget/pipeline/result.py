@@ -373,6 +373,9 @@ class RetargetResult:
             if body.anatomy and (what := body.anatomy.swapped_sides):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
                 yield Remark(f"the {name}'s names exchange {named}; they are taken as the body shows them")
+            elif body.anatomy and body.anatomy.method == "shape" and not body.stands and body.motion is None:
+                first = "the side that comes first in the file is taken for it; give a map, or names of joints"
+                yield Remark(f"neither names nor rest pose show the left side of the {name}: {first}")
 
     def _strides_at_rest(self) -> Iterator[Remark]:
         advice = {"source": "give a pose in which it stands with --rest", "target": "export it in a T-pose or A-pose"}
