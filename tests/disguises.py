@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from bodies import SAMPLES, SIDES, in_world, on_skeleton
+from built_rigs import with_axes
 from characters import ARMATURE, LIMBS, TRUNK, Bones, Character, Mesh, Performance, box_mesh, character
 from scipy.spatial.transform import Rotation
 from skeleton_edits import turned_below, with_chain
@@ -272,11 +273,13 @@ def nulls(motion: Motion) -> Motion:
     return _doubled(lambda name, offset: [(f"{name}_null", 0 * offset, False), (name, offset, True)])(motion)
 
 
-def with_twists(motion: Motion) -> Motion:
-    """Elbows, wrists, knees and ankles hang from one more joint in the middle of their bone, which does not turn."""
+def with_twists(motion: Motion, parts: tuple[str, ...] = ("Elbow", "Wrist", "Knee", "Ankle")) -> Motion:
+    """Elbows, wrists, knees and ankles, or some of them, hang from one more joint in the middle of their bone, which
+    does not turn.
+    """
 
     def two(name: str, offset: np.ndarray) -> Sequence[tuple[str, np.ndarray, bool]]:
-        if name.endswith(("Elbow", "Wrist", "Knee", "Ankle")):
+        if name.endswith(parts):
             return [(f"{name}_twist", offset / 2, False), (name, offset / 2, True)]
         return [(name, offset, True)]
 
@@ -309,12 +312,16 @@ def _doubled(two: Callable[[str, np.ndarray], Sequence[tuple[str, np.ndarray, bo
     return write
 
 
-def with_heels(motion: Motion) -> Motion:
-    """Each foot has one more joint at the heel, as high as the toes or the ankle."""
-    skeleton = motion.skeleton
-    for side, height in zip(SIDES, (-3.5, 0.0), strict=True):
-        skeleton = with_chain(skeleton, skeleton.index(f"{side}Ankle"), {f"{side}Heel": [0.0, height, -5.0]})
-    return on_skeleton(motion, skeleton)
+def with_heels(*heights: float) -> Structure:
+    """Each foot has one more joint at the heel, at a height above the ankle [cm]."""
+
+    def write(motion: Motion) -> Motion:
+        skeleton = motion.skeleton
+        for side, height in zip(SIDES, heights, strict=True):
+            skeleton = with_chain(skeleton, skeleton.index(f"{side}Ankle"), {f"{side}Heel": [0.0, height, -5.0]})
+        return on_skeleton(motion, skeleton)
+
+    return write
 
 
 def with_sword(motion: Motion) -> Motion:
@@ -323,14 +330,23 @@ def with_sword(motion: Motion) -> Motion:
     return on_skeleton(motion, with_chain(motion.skeleton, motion.skeleton.index("RightWrist"), named))
 
 
-def leaning(motion: Motion) -> Motion:
-    """The rest pose leans to the side; the body moves as before."""
-    turn = Rotation.from_euler("z", 30, degrees=True)
-    skeleton = motion.skeleton.with_offsets(turn.apply(np.array(motion.skeleton.offsets)))
-    rotations = turn * Rotation.from_quat(motion.rotations.reshape(-1, 4)) * turn.inv()
-    rotations = rotations.as_quat().reshape(motion.rotations.shape)
-    rotations[:, 0] = (Rotation.from_quat(motion.rotations[:, 0]) * turn.inv()).as_quat()
-    return replace(motion, skeleton=skeleton, rotations=rotations)
+def leaning(axis: str, degrees: float) -> Structure:
+    """The rest pose leans or is turned as a whole; the body moves as before."""
+
+    def write(motion: Motion) -> Motion:
+        turn = Rotation.from_euler(axis, degrees, degrees=True)
+        rotations = turn * Rotation.from_quat(motion.rotations) * turn.inv()
+        rotations = rotations.as_quat()
+        rotations[:, 0] = (Rotation.from_quat(motion.rotations[:, 0]) * turn.inv()).as_quat()
+        offsets = turn.apply(np.array(motion.skeleton.offsets))
+        return replace(motion, skeleton=motion.skeleton.with_offsets(offsets), rotations=rotations)
+
+    return write
+
+
+def striding(motion: Motion) -> Motion:
+    """The rest pose is a frame of the motion."""
+    return with_axes(motion, Rotation.from_quat(motion.world_rotations[0]).inv())
 
 
 def resting(part: str, axis: str, degrees: float) -> Structure:

@@ -94,6 +94,14 @@ CHANGES = {
         change("nodes", 2, "translation", [0, 0, 1e400]),
         "nodes[2].translation[2]: expected a finite",
     ),
+    "sheared matrix": (
+        change("nodes", 2, "matrix", [1, 0, 0, 0, 0.5, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]),
+        "nodes[2].matrix: shears 'Chest2': two of its axes are 63.4 degrees apart, not 90; apply",
+    ),
+    "matrix by rows": (
+        change("nodes", 2, "matrix", [1, 0, 0, 0, 0, 1, 0, 0.25, 0, 0, 1, 0, 0, 0, 0, 1]),
+        "nodes[2].matrix: gives 'Chest2' the last row 0 0.25 0 1, not 0 0 0 1; apply",
+    ),
     "flat matrix": (change("nodes", 2, "matrix", [0] * 16), "nodes[2].matrix: has an axis of length 0"),
     "skin without joints": (change("skins", 0, "joints", []), "skins[0]: has no joints"),
     "joint that is not there": (change("skins", 0, "joints", 0, -1), "skins[0].joints[0]: expected an index of nodes"),

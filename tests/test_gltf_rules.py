@@ -13,7 +13,7 @@ from distretarget.character.mesh import MeshPart, _bound
 from distretarget.character.nodes import Nodes
 from distretarget.io import gltf as reading
 from distretarget.io.gltf import parse_gltf
-from distretarget.io.gltf_scene import _influences, _triangles, decomposed, gltf_scene
+from distretarget.io.gltf_scene import _influences, _triangles, decomposed, gltf_nodes, gltf_scene
 from distretarget.io.input_file import InputFile
 from distretarget.io.reading import CharacterMesh, parse_target
 
@@ -112,6 +112,15 @@ def test_a_matrix_is_taken_apart_and_put_together_again(mirrored):
     np.testing.assert_allclose(Rotation.from_quat(rotation).as_matrix(), turn.as_matrix(), atol=1e-12)
 
 
+@pytest.mark.parametrize("digits", [3, 7])
+def test_numbers_of_matrices_may_be_rounded(digits):
+    making = character(BONES, axes=BONES.along_bones(0.3), above=np.diag([10.0, 10.0, 10.0, 1.0]), matrices=True)
+    exact = gltf_nodes(parsed(making)).world
+    for node in making.document["nodes"]:
+        node["matrix"] = np.round(node["matrix"], digits).tolist()
+    np.testing.assert_allclose(gltf_nodes(parsed(making)).world, exact, atol=200 * 10.0**-digits)
+
+
 def influences(joints, weights, bones, more=()):
     """Those of the first four bones of each vertex, and of `more`, joints and weights."""
     making, attributes = Making(), {}
@@ -159,6 +168,7 @@ def test_the_thumbs_of_vrm_0_are_named_one_bone_further_out():
     }
 
 
+SHEARED = np.array([[1.0, 0.4, 0.0, 0.1], [0.0, 2.0, 0.3, 0.0], [0.2, 0.0, 0.5, -0.3], [0.0, 0.0, 0.0, 1.0]])
 RIGS = {
     "plain": {},
     "Z up in cm": {"above": ARMATURE},
@@ -168,6 +178,7 @@ RIGS = {
     "scaled joints": {"scales": {4: 1.3, 7: 0.5}, "axes": BONES.along_bones()},
     "nodes between joints": {"helpers": [1, 5]},
     "few joints in the skin": {"all_joints": False},
+    "sheared space of the mesh": {"space": SHEARED},  # inverse bind matrices may be any transforms
 }
 
 

@@ -6,8 +6,9 @@ from functools import cache
 
 import numpy as np
 import pytest
-from bodies import SAMPLES, WAYS, matched, moved, on_skeleton, person, posed, sample, turned
+from bodies import SAMPLES, WAYS, matched, moved, nameless, on_skeleton, person, posed, sample, turned
 from built_rigs import BUILDS, along_bones, bones_along_y, with_axes
+from disguises import with_twists
 from scipy.spatial.transform import Rotation
 from skeleton_edits import with_chain, with_offset
 from zoo import CONVENTIONS, rig
@@ -82,6 +83,22 @@ def test_shoulders_show_left_where_the_hip_joints_lie_along_the_spine():
 def test_without_a_motion_bones_along_one_axis_become_a_t_pose():
     body = Body.of(rig("lafan1", "X"))
     assert_t_pose(body, body.reference.rotations)
+
+
+@pytest.mark.parametrize("build", BUILDS)
+def test_without_a_motion_bones_in_pieces_are_straight(build):
+    walk = with_twists(sample("walk")[:1])
+    body = Body.of(with_axes(walk, build(Body.of_motion(walk))).skeleton)
+    for limb in body.limbs:
+        reach = np.linalg.norm(body.reference.positions[limb.end] - body.reference.positions[limb.top])
+        assert reach == pytest.approx(body.skeleton.paths_from(limb.top)[limb.end])
+
+
+def test_a_rest_pose_that_shows_no_side_of_joints_without_names_is_named():
+    named = rig("lafan1", "X")
+    lines = [retarget(sample("walk")[:5], each).warnings for each in (named, nameless(named), nameless(person()))]
+    found = [[line for line in each if "show the left side of the target: the side that" in line] for each in lines]
+    assert [len(each) for each in found] == [0, 1, 0]
 
 
 @pytest.mark.parametrize("convention", ["mixamo", "xsens", "lafan1"])

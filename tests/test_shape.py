@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from animals import rig_of
 from bodies import CORPUS, mirrored, moved, nameless, needs_corpus, person, posed, reordered, swaying, tree_of
+from built_rigs import BUILDS, with_axes
 from characters import PERSON
+from disguises import sample, with_twists
 from scipy.spatial.transform import Rotation
 
-from distretarget import read_bvh
+from distretarget import Body, read_bvh
 from distretarget.body.anatomy import SIDES
 from distretarget.body.shape import by_shape
 
@@ -215,6 +217,24 @@ def test_a_thigh_in_two_pieces_begins_above_both():
     twists = sided({"LeftThighTwist": ("LeftHip", (0, -0.2, 0)), "LeftKnee": ("LeftThighTwist", (0, -0.235, 0))})
     body = person_with(twists)
     assert named(body, by_shape(body)) == PERSON
+
+
+@pytest.mark.parametrize("parts", [("Elbow", "Knee"), ("Knee",), ("Elbow", "Wrist", "Knee")])
+def test_a_thigh_in_two_pieces_above_a_whole_shin_is_one(parts):
+    """Daz has a twist joint in the thigh and none in the shin."""
+    skeleton = with_twists(sample("walk")[:1], parts).skeleton
+    anatomy = Body.of(nameless(skeleton)).anatomy
+    assert named(skeleton, anatomy) == named(skeleton, Body.of(skeleton).anatomy)
+
+
+@pytest.mark.parametrize("build", BUILDS)
+@pytest.mark.parametrize("clip", ["walk", "squat", "wave"])
+def test_twist_joints_of_a_rig_that_lies_at_rest_are_no_elbows_and_knees(clip, build):
+    """The motion shows which bones are in line."""
+    motion = with_twists(sample(clip))
+    lying = with_axes(motion, build(Body.of_motion(motion)))
+    known = Body.of_motion(motion).anatomy
+    assert named(lying.skeleton, by_shape(lying.rigid_skeleton, lying.positions)) == named(motion.skeleton, known)
 
 
 def test_collar_bones_from_the_neck_and_legs_from_the_spine():

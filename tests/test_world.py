@@ -258,3 +258,10 @@ def test_legs_without_length_are_no_legs():
     body = Body.of(skeleton.with_offsets(offsets))
     assert body.legs is None
     assert body.unit > 0
+
+
+@pytest.mark.parametrize(("factor", "line"), [(2.54, "172 % of a leg above"), (0.01, "108 % of a leg below")])
+def test_a_path_in_other_units_than_the_body_leaves_the_floor_and_is_named(factor, line):
+    walk = read_bvh(SAMPLES / "walk.bvh")[::3]
+    result = retarget(replace(walk, root_positions=factor * walk.root_positions), rig("mixamo", "T"))
+    assert f"the source stays {line} height 0, and the result with it" in result.warnings

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from distretarget.body.anatomy import LEG, Anatomy
+from distretarget.body.anatomy import LEG, SIDES, Anatomy
 from distretarget.numerics.vectors import Array, cross, lengths, level, normalised
 from distretarget.skeleton import AXES
 
@@ -15,6 +15,12 @@ STRETCHED = 125.0  # least angle between trunk and legs of an upright body, rare
 FOLDED = 45.0  # with a smaller angle between trunk and legs, a rest pose does not show how the body stands [degrees]
 SQUARE = np.cos(np.radians(25))  # a direction within this angle of an axis of the file is snapped to it [cosine]
 AHEAD = np.cos(np.radians(10))  # so is left within this angle: a body that faces an axis is symmetric about it [cosine]
+# A posture leans as a whole if its legs, side by side but for `STRIDE`, lean by more than `LEAN`, and its trunk at
+# least `ALONG` times as much to the same side; it is turned if hip joints and shoulders are turned the same way by more
+# than `TURNED`. In 40 rigs that stand upright legs lean by up to 3 degrees, or 6 while the trunk does not, and stride
+# by up to 2; hip joints are not turned, and shoulders by up to 4 degrees.
+STRIDE = 6.0  # [degrees]
+LEAN, TURNED, ALONG = *np.sin(np.radians([4.5, 1.5])), 0.15  # [sines]
 PARALLEL = 1e-6  # directions are parallel if the angle between them is smaller than this [rad]
 
 
@@ -80,8 +86,10 @@ class Directions:
 
     @property
     def vertical(self) -> Array:
-        """(3,), the unit vector up of a posture in which the body stands: `up`, or an axis of the file near to it."""
-        return _snapped(normalised(self.up))
+        """(3,), the unit vector up of a posture in which the body stands: `up`, or an axis of the file near to it,
+        unless the posture leans as a whole.
+        """
+        return self._snapped_up(normalised(self.up))
 
     @cached_property
     def left(self) -> Array:
@@ -93,6 +101,49 @@ class Directions:
     def axes(self) -> Array:
         """(..., 3, 3), rotation matrices whose columns are the body's left, up and forward."""
         return axes_of(self.left, self.trunk if self.trunk.any() else self.up)
+
+    @property
+    def standing_axes(self) -> Array:
+        """(3, 3), the `axes` of a posture in which the body stands, with up and left snapped to near axes of the file,
+        unless the posture leans, or is turned, as a whole.
+        """
+        snapped = upright if self._is_turned else squared
+        return snapped(self.axes, self._snapped_up(self.axes[:, 1]))
+
+    def _snapped_up(self, up: Array) -> Array:
+        """A direction up snapped to a near axis of the file, or to that which leans with the posture."""
+        lean = self._lean
+        return normalised(axis_vector(nearest_axis(up)[0]) + lean) if lean.any() else _snapped(up)
+
+    @property
+    def stride(self) -> float:
+        """The angle between the legs of a posture, seen from the side [degrees]; 0 without legs."""
+        legs = [self.bone(f"{side}UpperLeg", f"{side}Foot") for side in SIDES]
+        if legs[0] is None or legs[1] is None:
+            return 0.0
+        return float(
+            np.degrees(abs(np.arctan2(cross(legs[0], legs[1]) @ self.left, level(legs[0], self.left) @ legs[1])))
+        )
+
+    @cached_property
+    def _lean(self) -> Array:
+        """(3,), how far a posture leans as a whole: horizontal, its length is the tangent of the angle; mostly zero."""
+        up = axis_vector(nearest_axis(self.up)[0])
+        aside = normalised(level(self.left, up))
+        ways = np.stack([aside, cross(aside, up)])
+        lean, along = ways @ -self.legs, ways @ self.trunk
+        if self.stride > STRIDE:
+            return np.zeros(3)
+        lean = np.where(lean * along > ALONG * lean**2, lean, 0.0)
+        return np.asarray(lean @ ways / abs(self.legs @ up) if np.linalg.norm(lean) > LEAN else np.zeros(3))
+
+    @property
+    def _is_turned(self) -> bool:
+        """Whether a posture is turned as a whole to the left or right of an axis of the file."""
+        ahead = cross(_snapped(self.left, AHEAD), self.vertical)
+        widths = [width for part in ("UpperLeg", "UpperArm") if (width := self.across(part)) is not None]
+        turns = np.array([normalised(width) @ ahead for width in widths])
+        return len(turns) > 1 and bool(abs(turns).min() > TURNED and abs(turns.sum()) == abs(turns).sum())
 
     @cached_property
     def stretch(self) -> Array:
@@ -133,15 +184,17 @@ class Directions:
         return normalised(x[..., end, :].mean(axis=-2) - x[..., start, :].mean(axis=-2))
 
 
-def upright(axes: Array) -> Array:
-    """Return a body's axes, (3, 3) with columns left, up and forward, with up snapped to a near axis of the file."""
-    up = _snapped(axes[:, 1])
+def upright(axes: Array, up: Array | None = None) -> Array:
+    """Return a body's axes, (3, 3) with columns left, up and forward, with another `up`, (3,), by default its own
+    snapped to a near axis of the file.
+    """
+    up = _snapped(axes[:, 1]) if up is None else up
     return axes_of(normalised(level(axes[:, 0], up)), up)
 
 
-def squared(axes: Array) -> Array:
+def squared(axes: Array, up: Array | None = None) -> Array:
     """Return a body's axes as `upright` does, with left snapped to a near axis of the file as well."""
-    left, up, _ = upright(axes).T
+    left, up, _ = upright(axes, up).T
     return axes_of(normalised(level(_snapped(left, AHEAD), up)), up)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from distretarget.body.anatomy import LIMBS, REGION_PARTS, SIDES, Anatomy, Regions, find_regions
-from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, squared, upright
+from distretarget.body.axes import FOLDED, STRETCHED, Directions, axis_vector, direction, nearest_axis, upright
 from distretarget.body.limbs import Legs, find_legs, foot_bone, leg_length, tree_legs
 from distretarget.body.named_anatomy import find_handles
 from distretarget.body.recognition import corrected_anatomy, find_anatomy, front_shown
@@ -171,7 +171,9 @@ class Body:
             of_body[[*self.skeleton.subtree(arm.top)]] = False
         if self.legs is None:
             return float(np.ptp(rest[of_body], axis=0).max())
-        if self.anatomy is None or self.stands_at_rest:
+        if self.at_rest and self.stands_at_rest:
+            return float(np.ptp(rest[of_body] @ self.at_rest.vertical))
+        if self.anatomy is None:
             return float(np.ptp(rest[of_body] @ axis_vector(_axis_of_legs(self.legs, rest[None]))))
         return float(np.ptp(self.reference.positions[of_body] @ self.reference.axes[:, 1]))
 
@@ -348,8 +350,10 @@ class Body:
     def _pose(self, rotations: Array) -> Pose:
         positions = self.skeleton.posed(rotations)
         directions = Directions(self.anatomy, positions) if self.anatomy else None
-        snapped = squared if self.stands_at_rest else upright
-        return Pose(rotations, positions, directions, snapped(directions.axes) if directions else np.eye(3))
+        if directions is None:
+            return Pose(rotations, positions, None, np.eye(3))
+        axes = directions.standing_axes if self.stands_at_rest else upright(directions.axes)
+        return Pose(rotations, positions, directions, axes)
 
     # ---- what kind of body it is
 

@@ -17,6 +17,7 @@ from distretarget.skin.limbs import Limb
 LIKENESS = 0.15  # two limbs are alike if their bone lengths differ by less than this [sum of the lengths of both]
 SHORTEST_LIMB = 0.4  # least length of a limb [lengths of the longest pair of like limbs; for arms, of a leg]
 MOST_LIMBS = 32  # of all limbs below a joint, only so many, the longest, may be arms and legs
+STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]
 JOINT_BEND = np.radians(30)  # the rest pose bends by more than this at most hip joints and ankles [rad]
 SHORTEST_FOOT = 0.3  # the foot's first bone reaches at least this far [distance from the ankle to the end of the toes]
 LOWEST_HIP = 0.3  # the hip joint is above this height [length of the leg's chain, from its top]
@@ -157,6 +158,8 @@ def _leg(skeleton: Skeleton, chain: list[int]) -> Leg:
     bones = skeleton.offsets[chain]
     bent = [k for k in range(1, len(chain) - 1) if is_bend(bones[k], bones[k + 1], JOINT_BEND)]
     first = max([k for k in bent if along[k] < LOWEST_HIP], default=long[0] - 1)
+    while first and len(long) == 1 and not is_bend(bones[first], bones[first + 1], STRAIGHT):
+        first -= 1  # the only long bone is the shin, and the thigh is in pieces, as above a twist joint
     places = skeleton.rest_positions[chain]
     over = (places[-1] - places) @ (places[-1] - places[first])
     last = min([k for k in bent if along[k] > HIGHEST_ANKLE], default=0)

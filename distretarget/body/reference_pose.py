@@ -11,8 +11,8 @@ angles to the parent's axes. If neither is near, it is the median over the frame
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
@@ -86,6 +86,7 @@ def t_pose(skeleton: Skeleton, rest: Directions, motion: Motion | None, foot_pit
     goals = dict(_limb_goals(skeleton, anatomy, foot_pitch)) | ({} if shown else dict(_trunk_goals(anatomy)))
     for toes in _toes_with_tails(skeleton, rest, shown):
         del goals[toes]
+    goals |= {} if shown else dict(_goals_of_pieces(skeleton, anatomy, goals))
     bones = {joint: _bone(rest, shown, joint, goal.tip) for joint, goal in goals.items()}
     built = {joint for joint, bone in bones.items() if np.abs(bone).max() > ON_AXIS}
     built = built if 2 * len(built) > len(bones) else set()  # in other rigs it is a coincidence
@@ -197,6 +198,18 @@ def _limb_goals(skeleton: Skeleton, anatomy: Anatomy, foot_pitch: float) -> Iter
         toes = anatomy.roles.get(f"{side}Toes")
         if toes is not None:
             yield toes, _Goal(skeleton.farthest.item(toes), forward, left, above(toes), True)
+
+
+def _goals_of_pieces(skeleton: Skeleton, anatomy: Anatomy, goals: Mapping[int, _Goal]) -> Iterator[tuple[int, _Goal]]:
+    """The joints along long bones in pieces, as above twist joints, each with the goal of the bone: without a motion
+    nothing else shows where the pieces point.
+    """
+    lower = anatomy.joints(*(side + part for side in SIDES for part in (*LOWER_BONES, "Hand", "Foot")))
+    for joint, goal in goals.items():
+        line = skeleton.to_root(goal.tip)
+        pieces = line[line.index(joint) :: -1] if goal.tip in lower else ()
+        for upper, tip in pairwise(pieces):
+            yield upper, replace(goal, tip=tip, above=goal.above if upper == joint else -1)
 
 
 def _above(skeleton: Skeleton, anatomy: Anatomy, side: str, joint: int) -> int:

@@ -12,12 +12,23 @@ import numpy as np
 
 from distretarget.body.anatomy import SIDES, Anatomy, trunk_roles
 from distretarget.body.axes import FOLDED, STRETCHED, Directions, direction, perpendicular
-from distretarget.body.limbs import SHORTEST_LIMB, Leg, are_alike, is_bend, limb_length, longest_limbs, tree_legs
+from distretarget.body.limbs import (
+    SHORTEST_LIMB,
+    STRAIGHT,
+    Leg,
+    are_alike,
+    is_bend,
+    limb_length,
+    longest_limbs,
+    tree_legs,
+)
 from distretarget.numerics.vectors import Array, cross, lengths, normalised
 from distretarget.skeleton import Skeleton
 
 FORK = 0.5  # a chain ends where a branch of this length leaves it: fingers, toes, face [lengths of the longest branch]
-STRAIGHT = np.radians(10)  # the rest pose bends by less than this at joints inside a bone of the body [rad]
+MOST_FRAMES = 500  # up to so many frames of a motion, evenly spread, show which bones are in line
+BENDING = 0.01  # bones bend in a motion if the angle between two changes by more than this [cosine]
+RIGID = np.radians(1)  # two bones are in line in all frames if they never bend by more than this [rad]
 SHORTEST_SHIN = 0.1  # a shorter bone above the end of the leg is part of the foot [leg lengths]
 SHORTEST_FOREARM = 0.5  # the last bone of an arm with at least this length is the forearm [length of its longest bone]
 FOREARM_RATIO = 0.9  # typical length of the forearm; real bodies have 0.55 to 1.2 [lengths of the upper arm]
@@ -58,6 +69,30 @@ def by_shape(skeleton: Skeleton, positions: Array | None = None) -> Anatomy | No
     The feet show which side is left; else the knees, which bend forwards; else the direction in which the body walks.
     If none of them does, left is the side that comes first in the file.
     """
+    if positions is not None and len(positions):
+        skeleton = _as_shown(skeleton, positions[:: -(-len(positions) // MOST_FRAMES)])
+    return _by_shape(skeleton, positions)
+
+
+def _as_shown(skeleton: Skeleton, positions: Array) -> Skeleton:
+    """A skeleton in the most stretched frame of a motion, if two bones that are in line in all frames, while others
+    bend, are not in the rest pose, which then shows no body; else as it is.
+    """
+    lower = np.flatnonzero(skeleton.parents > 0)
+    middle = skeleton.parents[lower]
+    places = np.concatenate([skeleton.rest_positions[None], positions])
+    bones = places[:, lower] - places[:, middle], places[:, middle] - places[:, skeleton.parents[middle]]
+    cosines = (normalised(bones[0]) * normalised(bones[1])).sum(axis=-1)
+    in_line = (cosines[0] < np.cos(STRAIGHT)) & (cosines[1:] > np.cos(RIGID)).all(axis=0)
+    if not in_line.any() or np.ptp(cosines[1:], axis=0).max() < BENDING:
+        return skeleton
+    stretched = positions[np.argmax(lengths(bones[0] + bones[1])[1:].sum(axis=1))]
+    offsets = stretched - stretched[skeleton.parents]
+    return skeleton.with_offsets(np.vstack([skeleton.offsets[:1], offsets[1:]]))
+
+
+def _by_shape(skeleton: Skeleton, positions: Array | None) -> Anatomy | None:
+    """The anatomy by `by_shape`, with bends of limbs as the rest pose shows them."""
     legs = _find_legs(skeleton)
     arms = _find_arms(skeleton, legs) if legs else None
     if legs is None or arms is None:

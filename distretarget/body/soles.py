@@ -31,7 +31,7 @@ ROLL = np.radians(30)  # feet that rest leaning to the side by up to this on ave
 TILTED, HANGS = np.radians(5), np.radians(10)
 MOST = 2.0
 BEHIND = 0.1  # a joint farther behind the ankle than this is at the heel [lengths of the foot]
-ON_SOLE = 0.1  # a joint lower than this is on the sole [heights of the ankle]
+LOWER = 0.75  # the foot has toes if a joint in front of the heel is lower than this [heights of the ankle]
 LEVEL = 0.03  # a sole that rests nearer than this to a level floor is on it, and not from twice this on [leg lengths]
 GROUND = 0.15  # soles that rest within this of the floor show whether it is level [leg lengths]:
 LEVEL_SHARE = 0.65  # it is level if at least this share of them is nearer than `LEVEL`,
@@ -78,10 +78,10 @@ class Sole:
 
     @cached_property
     def heel(self) -> Flags:
-        """(joints,), the joints behind the ankle; none if the foot stands on these alone."""
+        """(joints,), the joints behind the ankle; none if the foot has no toes to stand on without them."""
         away = self.points @ self.direction - (self.points @ self.normal) * (self.direction @ self.normal)
         behind = away < -BEHIND * lengths(self.points).max()
-        return np.asarray(behind & (self.heights[~behind].min() < ON_SOLE * self.ankle))
+        return np.asarray(behind & (self.heights[~behind].min() < LOWER * self.ankle))
 
     @property
     def without_heel(self) -> Sole:

@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import combinations, count
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +23,7 @@ from scipy.spatial.transform import Rotation
 from distretarget.character.animations import choose_animation
 from distretarget.character.mesh import MeshPart
 from distretarget.character.nodes import INFLUENCES, Animation, CharacterScene, Curve, Nodes, SkinBinding, sampled
-from distretarget.errors import DistretargetError, FileError, SkeletonFileError
+from distretarget.errors import DistretargetError, FileError, SkeletonFileError, cut
 from distretarget.io.gltf import INDICES, Gltf
 from distretarget.io.json_node import Fields, Node
 from distretarget.numerics.rotations import nearest_rotations
@@ -33,6 +33,7 @@ from distretarget.skin.mesh import Material
 
 REST = {"translation": (0.0, 0.0, 0.0), "rotation": (0.0, 0.0, 0.0, 1.0), "scale": (1.0, 1.0, 1.0)}
 KINDS = {"translation": "VEC3", "rotation": "VEC4", "scale": "VEC3"}  # accessor types of animation outputs by path
+SHEAR = 2e-3  # numbers rounded to three decimals turn axes against each other by up to this [cosine]
 FLOATS, KEY_TYPES = (5126,), (5126, 5120, 5121, 5122, 5123)  # component types of key times; of key values
 
 DRACO = "KHR_draco_mesh_compression"
@@ -106,15 +107,29 @@ def _parents(gltf: Gltf, children: list[list[int]]) -> NDArray[np.intp]:
 def _transform(fields: Fields) -> tuple[ArrayLike, ArrayLike, ArrayLike]:
     """Translation, rotation and scale of a node, from these properties or from its matrix."""
     if "matrix" in fields:
-        translation, rotation, scale = decomposed(np.array(fields["matrix"].numbers(16)).reshape(4, 4).T)
+        matrix = np.array(fields["matrix"].numbers(16)).reshape(4, 4).T
+        translation, rotation, scale = decomposed(matrix)
         if not ((np.abs(scale) >= SMALLEST) & (np.abs(scale) <= LARGEST)).all():
             fields["matrix"].fail(f"has an axis of length 0, or longer than {LARGEST:g}")
+        _check_decomposed(fields, matrix, matrix[:3, :3] / scale)
         return translation, rotation, scale
     shift, turn, size = (fields[key].numbers(len(rest)) if key in fields else rest for key, rest in REST.items())
     length = math.hypot(*turn)
     if not length >= SMALLEST:
         fields.node.fail("has a rotation of length 0")
     return shift, [number / length for number in turn], size
+
+
+def _check_decomposed(fields: Fields, matrix: Array, axes: Array) -> None:
+    """Fail unless a matrix, (4, 4), is translation, rotation and scale; `axes` are the directions of its columns."""
+    name, found = cut(fields.read("name", Node.text, "")), ""
+    cosine = max((axes[:, a] @ axes[:, b] for a, b in combinations(range(3), 2)), key=abs)
+    if not np.allclose(matrix[3], [0.0, 0.0, 0.0, 1.0], rtol=0.0, atol=SHEAR):
+        found = f"gives {name!r} the last row {' '.join(f'{number:g}' for number in matrix[3])}, not 0 0 0 1"
+    elif abs(cosine) > SHEAR:
+        found = f"shears {name!r}: two of its axes are {np.degrees(np.arccos(cosine)):.1f} degrees apart, not 90"
+    if found:
+        fields["matrix"].fail(f"{found}; apply the node's transform in the program that exported it")
 
 
 def decomposed(matrix: Array) -> tuple[Array, Array, Array]:

@@ -49,6 +49,10 @@ from distretarget.skin.mesh import SkinnedMesh
 
 COMPARED = 10  # time to measure a joint over that of its forward kinematics
 TURNS = 15.0  # there is a warning if a body should turn by more than this and cannot [degrees]
+NO_LEAP = (
+    1.0  # nobody stays higher than this above a floor that no foot rests on, but in the air or water [leg lengths]
+)
+STRIDES = 12.0  # there is a warning if legs are farther apart at rest, seen from the side [degrees]
 REACH = 0.025  # a resting joint is seen to miss its place from 5 % of a leg on, half a shoe's width [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # the metrics that flag frames
 
@@ -339,7 +343,7 @@ class RetargetResult:
         joints that miss their places. The latter are left out if the body cannot turn, which explains them.
         """
         lost_turn = (*self._lost_turn(),)
-        odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides(), *self._off_floor())
+        odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides(), *self._strides_at_rest(), *self._off_floor())
         if lost_turn:
             return (*odd, *self.unmet)
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
@@ -369,6 +373,17 @@ class RetargetResult:
             if body.anatomy and (what := body.anatomy.swapped_sides):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
                 yield Remark(f"the {name}'s names exchange {named}; they are taken as the body shows them")
+            elif body.anatomy and body.anatomy.method == "shape" and not body.stands and body.motion is None:
+                first = "the side that comes first in the file is taken for it; give a map, or names of joints"
+                yield Remark(f"neither names nor rest pose show the left side of the {name}: {first}")
+
+    def _strides_at_rest(self) -> Iterator[Remark]:
+        advice = {"source": "give a pose in which it stands with --rest", "target": "export it in a T-pose or A-pose"}
+        for name, body in (("source", self.matching.source), ("target", self.matching.target)):
+            matters = body.stands_at_rest and body.standing is None and not self.matching.is_same_rig
+            if matters and body.at_rest and body.at_rest.stride > STRIDES:
+                taken = f"the {name} strides at rest, and how trunk, hands and head turn there is taken for its build"
+                yield Remark(f"{taken}; {advice[name]}")
 
     def _off_floor(self) -> Iterator[Remark]:
         source, body = self.source, self.matching.source
@@ -376,7 +391,7 @@ class RetargetResult:
             joints = np.flatnonzero(body.regions.of_joint >= 0)
             heights = lowest_heights(source.positions, self.world.up_vector, joints) / body.leg_length
             low, high = np.percentile(heights, [LOWEST_FRAMES, 100.0 - LOWEST_FRAMES])
-            if high < -OFF_FLOOR or (low > OFF_FLOOR and self.supports.weights.any()):
+            if high < -OFF_FLOOR or low > (OFF_FLOOR if self.supports.weights.any() else NO_LEAP):
                 off, side = (-high, "below") if high < 0.0 else (low, "above")
                 yield Remark(f"the source stays {100.0 * off:.0f} % of a leg {side} height 0, and the result with it")
 
