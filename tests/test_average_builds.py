@@ -178,6 +178,8 @@ def test_the_mesh_of_a_source_is_its_build():
 def test_the_command_line_takes_the_build_of_another_character(tmp_path):
     for name, more in {"own": (), "hero": ("--skin", HERO, "--source-skin", HERO), "none": ("--skin", "none")}.items():
         succeeded("retarget", CLAP, WALK, "-o", tmp_path / f"{name}.bvh", *more)
+    own, hero, none = ((tmp_path / f"{name}.bvh").read_bytes() for name in ("own", "hero", "none"))
+    assert own == none != hero
     failed = run("retarget", CLAP, WALK, "-o", tmp_path / "x.bvh", "--skin", WALK)
     assert failed.returncode == 1
     assert "does not show how thick" in failed.stderr

@@ -49,9 +49,7 @@ from distretarget.skin.mesh import SkinnedMesh
 
 COMPARED = 10  # time to measure a joint over that of its forward kinematics
 TURNS = 15.0  # there is a warning if a body should turn by more than this and cannot [degrees]
-NO_LEAP = (
-    1.0  # nobody stays higher than this above a floor that no foot rests on, but in the air or water [leg lengths]
-)
+NO_LEAP = 1.0  # who stays higher than this above the floor without rest does not leap, but flies or swims [leg lengths]
 STRIDES = 12.0  # there is a warning if legs are farther apart at rest, seen from the side [degrees]
 REACH = 0.025  # a resting joint is seen to miss its place from 5 % of a leg on, half a shoe's width [body units]
 JUDGED = tuple(metric for metric in METRICS if metric.limit and metric.of_frames)  # the metrics that flag frames
