@@ -21,6 +21,7 @@ from odd_characters import made
 
 import blender
 from blender import job, panel, rig
+from blender.keys import curves_of
 from distretarget import contacts_to_json, find_contacts, load_contacts, load_target, read_bvh, retarget, write_bvh
 from distretarget.errors import SettingsError
 
@@ -487,7 +488,7 @@ def test_controls_bring_joints_to_where_the_motion_has_them():
         assert len({*answer["names"]} & deforming) >= 20
         mm = 1700 / np.ptp(answer["matrices"][0, :, :3, 3], axis=0).max()  # on a body of 1.7 m
         assert off(armature, deforming)[0] * mm < 1.0, warnings()
-        curves = action.layers[0].strips[0].channelbags[0].fcurves if hasattr(action, "layers") else action.fcurves
+        curves = curves_of(action)
         paths = {each.data_path.rpartition("]")[0] + "]" for each in curves}
         assert not [name for name in deforming if bones[name].path_from_id() in paths]
         assert len(answer["switches"]) == 4
