@@ -130,14 +130,10 @@ def test_bones_and_skin_are_where_the_result_has_them_and_nothing_is_lost():
     frames = answers[-1]["matrices"]
     assert np.allclose(armature.animation_data.action.frame_range, [11, 10 + len(frames)], atol=0.01)
     assert {"before", "clap"} <= {*bpy.data.actions.keys()}
-    shape = rig.shape_of(armature)
-    influenced, influencing, weights = (shape[each] for each in ("influenced", "influencing", "weights"))
-    total = np.bincount(influenced, weights)
-    arms = np.insert(shape["vertices"][influenced] - shape["heads"][influencing], 3, 1.0, axis=1)
+    (skeleton, skin), (mesh,) = rig.shape_of(armature), rig.skinned_meshes(armature)
+    arms = np.insert(skin.vertices[:, None] - skeleton.rest_positions[skin.joints], 3, 1.0, axis=2)
     for frame in range(0, len(frames), 10):
-        (mesh,), shall = rig.skinned_meshes(armature), np.zeros((len(total), 3))
-        places = np.einsum("nij,nj->ni", frames[frame][influencing, :3], arms)
-        np.add.at(shall, influenced, (weights / total[influenced])[:, None] * places)
+        shall = np.einsum("vb,vbij,vbj->vi", skin.weights, frames[frame][skin.joints, :3], arms)
         there = shown(mesh, frame)
         assert np.abs([there.matrix_world @ vertex.co for vertex in there.data.vertices] - shall).max() < NEAR
 
@@ -321,7 +317,7 @@ def test_what_is_stopped_changes_nothing():
 
 
 def test_linked_characters_are_refused_and_overrides_work():
-    rest = rig.shape_of(odd("posed"))["vertices"]
+    rest = rig.shape_of(odd("posed"))[1].vertices
     clip, character = settings().clip, str(FOLDER / "character.blend")
     bpy.ops.wm.save_as_mainfile(filepath=character)
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -331,7 +327,7 @@ def test_linked_characters_are_refused_and_overrides_work():
     armature, body = linked.objects
     for each in linked.objects:
         bpy.context.scene.collection.objects.link(each)
-    assert np.allclose(rig.shape_of(armature)["vertices"], rest, atol=1e-6)
+    assert np.allclose(rig.shape_of(armature)[1].vertices, rest, atol=1e-6)
     bpy.context.view_layer.objects.active = armature
     assert "is linked from another file; make it local or an override" in fault(operators.retarget)
     own = armature.override_create(remap_local_usages=True)
