@@ -448,8 +448,10 @@ def test_pairs_are_chosen_and_kept_with_the_character():
     armature = bpy.context.view_layer.objects.active = bpy.data.objects[name]
     pairs = armature.distretarget_pairs
     assert {each.name: each.source for each in pairs if each.is_chosen} == choice
-    done(operators.forget_pairs)
-    assert not pairs
+    pairs["LeftForeArm"].is_chosen = False
+    done(operators.retarget)
+    assert pairs["LeftForeArm"].source == "LeftElbow"
+    assert {each.name for each in pairs if each.is_chosen} == {"Head", "Neck"}
 
 
 def test_the_panel_draws_what_there_is():
