@@ -5,12 +5,11 @@ import bpy
 
 from . import operators, panel, settings
 
-CLASSES = (*settings.GROUPS, *operators.CLASSES, *panel.CLASSES)
+_register, _unregister = bpy.utils.register_classes_factory((*settings.GROUPS, *operators.CLASSES, *panel.CLASSES))
 
 
 def register():
-    for each in CLASSES:
-        bpy.utils.register_class(each)
+    _register()
     bpy.types.Scene.distretarget = bpy.props.PointerProperty(type=settings.DISTRETARGET_PG_settings)
     bpy.types.Object.distretarget_pairs = bpy.props.CollectionProperty(
         type=settings.DISTRETARGET_PG_pair, override={"LIBRARY_OVERRIDABLE", "USE_INSERTION"}
@@ -25,5 +24,4 @@ def unregister():
     for name in ("pairs", "muted", "pair"):
         delattr(bpy.types.Object, f"distretarget_{name}")
     del bpy.types.Scene.distretarget
-    for each in reversed(CLASSES):
-        bpy.utils.unregister_class(each)
+    _unregister()

@@ -17,30 +17,22 @@ from bpy.props import EnumProperty, FloatProperty, IntProperty, StringProperty
 Entry = dict[str, Any]
 KINDS = ("between", "plant", "look", "distance")  # of entries: the field that names the parts of the body
 CHANGED = ("keep", "gap", "firmness", "on")  # the fields that depend on the state
-STATES = {  # by kind, the states of an entry: (identifier, label, tooltip)
+STATES = {  # by kind, the states of an entry: identifier, label, tooltip, and the fields that make it, {} for no choice
     "between": [
-        ("FOUND", "As found", "Keep the contact where it is found in the clip"),
-        ("DROP", "Drop", "These parts need not touch"),
-        ("SOURCE", "Hold as in the clip", "Keep the distance between the skins in the clip"),
-        ("GAP", "Hold at a gap", "Keep the gap between the skins"),
+        ("FOUND", "As found", "Keep the contact where it is found in the clip", {"keep": True}),
+        ("DROP", "Drop", "These parts need not touch", {"keep": False}),
+        ("SOURCE", "Hold as in the clip", "Keep the distance between the skins in the clip", {"gap": "source"}),
+        ("GAP", "Hold at a gap", "Keep the gap between the skins", {"gap": 0.0}),
     ],
     "plant": [
-        ("FOUND", "As found", "Keep the part in place where it is found to rest in the clip"),
-        ("DROP", "Let go", "The part need not rest"),
-        ("FLOOR", "On the floor", "The part rests on the floor"),
-        ("HERE", "Where it is", "The part stays at its mean position"),
-        ("THERE", "As in the file", "The part rests on a position, a joint or a prop that a contact file names"),
+        ("FOUND", "As found", "Keep the part in place where it is found to rest in the clip", {"keep": True}),
+        ("DROP", "Let go", "The part need not rest", {"keep": False}),
+        ("FLOOR", "On the floor", "The part rests on the floor", {"on": "floor"}),
+        ("HERE", "Where it is", "The part stays at its mean position", {"on": "where it is"}),
+        ("THERE", "As in the file", "The part rests on what a contact file names", {}),
     ],
-    "look": [("HOLD", "Hold", "Keep the direction that a contact file gives")],
-    "distance": [("HOLD", "Hold", "Keep the distance that a contact file gives")],
-}
-CHANGES = {  # fields of an entry by state
-    "FOUND": {"keep": True},
-    "DROP": {"keep": False},
-    "SOURCE": {"gap": "source"},
-    "GAP": {"gap": 0.0},
-    "FLOOR": {"on": "floor"},
-    "HERE": {"on": "where it is"},
+    "look": [("HOLD", "Hold", "Keep the direction that a contact file gives", {})],
+    "distance": [("HOLD", "Hold", "Keep the distance that a contact file gives", {})],
 }
 
 
@@ -124,11 +116,11 @@ def _get_state(row: bpy.types.PropertyGroup) -> int:
 
 def _set_state(row: bpy.types.PropertyGroup, number: int) -> None:
     entry = json.loads(row.entry)
-    state, found = STATES[kind_of(entry)][number][0], re.match(r"[\d.]+", entry.get("found", ""))
-    if state in CHANGES and state != state_of(entry):
+    (state, *_, fields), found = STATES[kind_of(entry)][number], re.match(r"[\d.]+", entry.get("found", ""))
+    if fields and state != state_of(entry):
         gap = {"gap": float(found[0])} if found and state == "GAP" else {}
         with changing_contacts(row.id_data):
-            _change(row, **dict.fromkeys(CHANGED) | CHANGES[state] | gap)
+            _change(row, **dict.fromkeys(CHANGED) | fields | gap)
 
 
 class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
@@ -136,7 +128,7 @@ class DISTRETARGET_PG_contact(bpy.types.PropertyGroup):
     entry: StringProperty()
     state: EnumProperty(
         name="Contact",
-        items=lambda row, _: STATES[kind_of(json.loads(row.entry))],
+        items=lambda row, _: [state[:3] for state in STATES[kind_of(json.loads(row.entry))]],
         get=_get_state,
         set=_set_state,
     )

@@ -14,7 +14,7 @@ from mathutils import Matrix, Quaternion, Vector
 
 from distretarget.errors import counted
 
-from .keys import converted, poses_of, without_action
+from .keys import converted, poses_of, set_switch, without_action
 from .rig import other_animation
 
 TURN = Quaternion((0.8, 0.0, 0.6), 0.2).to_matrix().to_4x4()  # test rotation of controls: not about the bone's axis
@@ -60,7 +60,7 @@ class Rig:
     def read_rest(self) -> None:
         """Read the rest poses of bones, which may depend on the switches."""
         self.put(dict.fromkeys(self.bones.keys(), Matrix()))
-        self.rest = self.poses(self.bones.keys())
+        self.rest = {bone.name: bone.matrix.copy() for bone in self.bones}
 
     def put(self, transforms: dict[str, Matrix]) -> None:
         """Set the transforms of bones relative to their rest pose."""
@@ -72,27 +72,16 @@ class Rig:
         self.armature.update_tag()
         bpy.context.view_layer.update()
 
-    def poses(self, names: Sequence[str]) -> dict[str, Matrix]:
-        return {name: self.bones[name].matrix.copy() for name in names}
-
     def turn_to(self, mode: str) -> None:
         """Set all switches to "FK" or "IK"."""
         for switch in self.switches:
-            self._set(switch.bone, switch.name, switch.values[mode])
+            set_switch(self.bones[switch.bone], switch.name, switch.values[mode])
         self.read_rest()
-
-    def _set(self, bone: str, name: str, value: float) -> None:
-        self.bones[bone][name] = type(self.bones[bone][name])(value)
-
-    def set_pose(self, name: str, pose: Matrix, parent: Matrix | None) -> None:
-        """Set a bone's location and rotation so that it has a pose in the armature, given that of its parent."""
-        location, rotation, _ = converted(self.bones[name], pose, parent, invert=True).decompose()
-        self.bones[name].matrix_basis = Matrix.LocRotScale(location, rotation, None)
 
     def _poses_with(self, transforms: dict[str, Matrix]) -> dict[str, Matrix]:
         """The poses of joints and controls while some controls have these transforms."""
         self.put(transforms)
-        found = self.poses([*self.joints, *self.controls])
+        found = {name: self.bones[name].matrix.copy() for name in (*self.joints, *self.controls)}
         self.put(dict.fromkeys(transforms, Matrix()))
         return found
 
@@ -130,10 +119,9 @@ class Rig:
         animation = self.armature.animation_data
         curves = [each for each in (animation.drivers if animation else []) if each.data_path.endswith("influence")]
         variables = [variable for curve in curves for variable in curve.driver.variables]
-        paths = dict.fromkeys(each.data_path for variable in variables for each in variable.targets)
-        ends = {bone.path_from_id(): bone for bone in self.bones}
-        found = [(ends.get(head), name.strip("\"']")) for head, _, name in (path.rpartition("[") for path in paths)]
-        return [(bone.name, name) for bone, name in found if bone and name in bone]
+        paths = {each.data_path for variable in variables for each in variable.targets}
+        names = [(bone, name, bpy.utils.escape_identifier(name)) for bone in self.bones for name, _ in bone.items()]
+        return [(bone.name, name) for bone, name, path in names if f'{bone.path_from_id()}["{path}"]' in paths]
 
     def _switch(self, bone: str, name: str) -> Switch | None:
         """A property as a switch, or None: at one of its limits the controls of IK targets move more joints."""
@@ -142,10 +130,10 @@ class Rig:
         controls = [next((each.name for each in line if each.name in self.controls), None) for line in lines]
         limits, counts = [float(data.get("min", 0.0)), min(float(data.get("max", 1.0)), 1.0)], []
         for value in limits:
-            self._set(bone, name, value)
+            set_switch(self.bones[bone], name, value)
             rest, found = (self._poses_with(dict.fromkeys({*controls} - {None}, turn)) for turn in (Matrix(), TURN))
             counts.append(sum(self._differ(found[joint], rest[joint]) for joint in self.joints))
-        self._set(bone, name, before)
+        set_switch(self.bones[bone], name, before)
         self.update()
         ik = int(counts[1] > counts[0])
         return Switch(bone, name, {"IK": limits[ik], "FK": limits[1 - ik]}) if counts[0] != counts[1] else None
@@ -252,7 +240,8 @@ class Solver:
                 if moved is not None:
                     parent = after[moved] @ before[moved].inverted() @ parent
                 before[name], after[name] = bone.matrix.copy(), poses[name]
-                rig.set_pose(name, after[name], parent)
+                location, rotation, _ = converted(bone, after[name], parent, invert=True).decompose()
+                bone.matrix_basis = Matrix.LocRotScale(location, rotation, None)
             rig.update()
 
 

@@ -16,7 +16,7 @@ from distretarget.errors import SettingsError
 
 from .contacts import entries_of, state_of
 from .keys import keyed, poses_of
-from .rig import carriers, frame_time_of, motion_of, mute_others, shape_of, title_of
+from .rig import carriers, frame_time_of, mute_others, performance_of, shape_of, title_of
 from .settings import clip_key
 
 ENDINGS = (".bvh", ".fbx", ".glb", ".gltf", ".vrm", ".vrma", ".npz")
@@ -68,9 +68,8 @@ class Job:
         self.key = clip_key(clip, settings.animation) if is_file else self.title
         self.keys, self.start, self.bones = settings.keys, settings.start, armature.data.bones.keys()
         job = {
-            "path": sys.path,
             "clip": clip.resolve() if is_file else None,
-            "performer": None if is_file else shape_of(clip) | motion_of(clip, scene),
+            "performer": None if is_file else performance_of(clip, scene),
             "character": shape_of(armature),
             "animation": settings.animation,
             "edits": {"mirror": settings.mirror, "loop": settings.loop},
@@ -85,7 +84,7 @@ class Job:
         }
         self.temporary = tempfile.TemporaryDirectory(prefix="distretarget_")
         self.folder = Path(self.temporary.name)
-        (self.folder / "job").write_bytes(pickle.dumps(job))
+        (self.folder / "job").write_bytes(pickle.dumps(sys.path) + pickle.dumps(job))
         if self.keys != "JOINTS":
             bpy.data.libraries.write(str(self.folder / "character.blend"), {armature}, path_remap="ABSOLUTE")
 

@@ -76,9 +76,19 @@ def keyed(
         _set_keys(action, armature.pose.bones[bone], each, times)
     for owner, switch, value in switches:
         bone = armature.pose.bones[owner]
-        bone[switch] = type(bone[switch])(value)
+        set_switch(bone, switch, value)
         bone.keyframe_insert(f'["{bpy.utils.escape_identifier(switch)}"]', frame=times[0], group=bone.name)
     return action
+
+
+def set_switch(bone: bpy.types.PoseBone, name: str, value: float) -> None:
+    """Set a custom property of a bone, which keeps its type."""
+    bone[name] = type(bone[name])(value)
+
+
+def curves_of(action: bpy.types.Action) -> bpy.types.bpy_prop_collection:
+    """The curves of an action, which Blender 5.0 and later have in layers."""
+    return action.fcurves if hasattr(action, "fcurves") else action.layers[0].strips[0].channelbags[0].fcurves
 
 
 def _set_keys(
@@ -103,18 +113,9 @@ def _set_keys(
     for path, values in ((path, np.array(each)) for path, each in tracks.items()):
         setattr(bone, path, values[0])
         bone.keyframe_insert(path, frame=times[0], group=bone.name)
-        full = bone.path_from_id(path)
-        for curve in (each for each in _curves(action) if each.data_path == full):
+        for curve in (each for each in curves_of(action) if each.data_path == bone.path_from_id(path)):
             points = curve.keyframe_points
             points.add(len(times) - 1)
             points.foreach_set("co", np.column_stack([times, values[:, curve.array_index]]).ravel())
             points.foreach_set("interpolation", np.full(len(times), LINEAR, np.int32))
             curve.update()
-
-
-def _curves(action: bpy.types.Action) -> list[bpy.types.FCurve]:
-    """The curves of an action, with or without layers (Blender 4.4 and later have them)."""
-    if getattr(action, "layers", None):
-        strips = [strip for layer in action.layers for strip in layer.strips]
-        return [curve for strip in strips for bag in strip.channelbags for curve in bag.fcurves]
-    return [*action.fcurves]

@@ -179,12 +179,6 @@ def _keep(action: bpy.types.Action, scene: bpy.types.Scene, armature: bpy.types.
         track.strips.new(action.name, int(action.frame_range[0]), action)
 
 
-@operator("Find all anew")
-def forget_pairs(_self, context):
-    """Discard the chosen pairs of joints; retargeting finds all of them again"""
-    target_of(context).distretarget_pairs.clear()
-
-
 @operator("Make a contact")
 def contact_make(_self, context):
     """Bring two selected bones together, or hold a single one in place: in the preview range, or in this frame"""

@@ -81,7 +81,6 @@ def _pairs(layout, _settings, armature):
         layout.label(text="Retarget once to see the pairs")
         return
     layout.template_list("DISTRETARGET_UL_pairs", "", armature, "distretarget_pairs", armature, "distretarget_pair")
-    layout.operator("distretarget.forget_pairs")
 
 
 def _folder(layout, settings, _armature):
@@ -105,7 +104,7 @@ class DISTRETARGET_UL_contacts(bpy.types.UIList):
 
 class DISTRETARGET_UL_pairs(bpy.types.UIList):
     def draw_item(self, context, layout, _data, item, _icon, _active, _property):
-        layout.label(text=item.name, icon="PINNED" if item.is_chosen else "BONE_DATA")
+        layout.prop(item, "is_chosen", text=item.name, icon="PINNED" if item.is_chosen else "UNPINNED", emboss=False)
         layout.prop_search(item, "source", context.scene.distretarget, "joints", text="")
 
 

@@ -4,19 +4,25 @@
 import itertools
 import json
 import math
-from collections.abc import Collection, Iterator
-from typing import Any
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from distretarget.errors import SettingsError
+
+if TYPE_CHECKING:  # they are imported when they are needed, so that Blender starts quickly
+    from distretarget import Motion, Skeleton
+    from distretarget.skin.mesh import SkinnedMesh
 
 SAME = 1e-4  # tolerance for rest matrices of bones that coincide, for a body of size 1
 MOST_TRIANGLES = 30_000  # of a finer mesh every second, third ... triangle is taken
 MOVES = ("location", "rotation", "scale", "constraints")  # drivers on these properties move a bone or an object
+RIGID = 1e-5  # translations that change less than this count as constant [of the body]
 Joints = dict[str, str | None]
-Arrays = dict[str, Any]
 
 
 def skinned_meshes(armature: bpy.types.Object) -> list[bpy.types.Object]:
@@ -34,18 +40,14 @@ def skeleton(armature: bpy.types.Object) -> Joints:
     """
     needed = _needed_bones(armature)
     parents = _parents(armature, needed)
-    lines = [[*_line(name, parents), None] for name in needed]
-    children: dict[str | None, set[str | None]] = {}
-    for child, parent in itertools.chain.from_iterable(map(itertools.pairwise, lines)):
-        children.setdefault(parent, set()).add(child)
-    branching = {parent for parent, below in children.items() if len(below) > 1}
-    common = set.intersection(*map(set, lines)) - {None}
-    names = [bone.name for bone in armature.data.bones if bone.name in {*needed, *branching, *common}]
+    lines = {name: [*_line(name, parents)] for name in parents}
+    links = {link for name in needed for link in itertools.pairwise([*lines[name], None])}
+    branching = {parent for parent, times in Counter(parent for _, parent in links).items() if times > 1}
+    names = {*needed, *branching}.union(set.intersection(*(set(lines[name]) for name in needed)))
     root = armature.name if None in branching else None
     joints: Joints = {} if root is None else {root: None}
-    for name in sorted(names, key=lambda name: len(list(_line(name, parents)))):
-        line = itertools.islice(_line(name, parents), 1, None)
-        joints[name] = next((each for each in line if each in names), root)
+    for name in sorted((each for each in lines if each in names), key=lambda each: len(lines[each])):
+        joints[name] = next((each for each in lines[name][1:] if each in names), root)
     return joints
 
 
@@ -54,12 +56,8 @@ def _needed_bones(armature: bpy.types.Object) -> dict[str, None]:
     bones, meshes = armature.data.bones, skinned_meshes(armature)
     weighted = {group.name for mesh in meshes for group in mesh.vertex_groups}
     carrying = {each.parent_bone for each in armature.children if each.parent_type == "BONE" and each.type == "MESH"}
-    targets = {
-        name
-        for bone in armature.pose.bones
-        for constraint in bone.constraints
-        for name in (getattr(constraint, "subtarget", ""), getattr(constraint, "pole_subtarget", ""))
-    }
+    constraints = [each for bone in armature.pose.bones for each in bone.constraints]
+    targets = {getattr(each, end, "") for each in constraints for end in ("subtarget", "pole_subtarget")}
     needed = {bone.name for bone in bones if bone.use_deform} - (targets - weighted if meshes else set()) | carrying
     return dict.fromkeys(bone.name for bone in bones if bone.name in needed or not needed)
 
@@ -141,41 +139,64 @@ def carriers(armature: bpy.types.Object) -> list[str]:
     return found
 
 
-def shape_of(armature: bpy.types.Object) -> Arrays:
-    """Return the joints that meshes need, and the meshes, in the rest pose; a SettingsError if there are no bones.
-
-    `names` and `parents`, (joints,), `heads`, (joints, 3), `vertices`, (vertices, 3), `triangles`, (triangles, 3); and
-    of each influence its vertex in `influenced`, ascending, its joint in `influencing`, and `weights`, (influences,).
+def shape_of(armature: bpy.types.Object) -> "tuple[Skeleton, SkinnedMesh | None]":
+    """Return the skeleton of the joints that meshes need, and the meshes as one, None without weights, in the rest pose
+    and the world; a SettingsError if there are no bones.
     """
+    from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS, Skeleton
+
     if not armature.data.bones:
         raise SettingsError(f"{armature.name!r} has no bones")
     joints, world, bones = skeleton(armature), armature.matrix_world, armature.data.bones
-    number: dict[str | None, int] = {name: index for index, name in enumerate(joints)} | {None: -1}
-    heads = [world @ bones[name].head_local if name in bones else world.translation for name in joints]
-    parents = np.array([number[parent] for parent in joints.values()])
-    arrays: Arrays = {"names": [*joints], "parents": parents, "heads": np.array([[*head] for head in heads])}
-    vertices, triangles, influences, first = [np.empty((0, 3))], [np.empty((0, 3), int)], [], 0
+    number = {name: index for index, name in enumerate(joints)}
+    heads = np.array([world @ bones[name].head_local if name in bones else world.translation for name in joints])
+    parents = np.array([number.get(parent, -1) for parent in joints.values()])
+    tree = Skeleton(
+        names=tuple(joints),
+        parents=parents,
+        offsets=heads - np.where((parents >= 0)[:, None], heads[parents], 0.0),
+        channels=(DEFAULT_ROOT, *[DEFAULT_ROTATIONS] * (len(joints) - 1)),
+        end_sites=np.zeros(len(joints), bool),
+        up="Z",
+        floor_at_zero=True,
+    )
     before, armature.data.pose_position = armature.data.pose_position, "REST"
-    for mesh in skinned_meshes(armature):
+    mesh = _mesh(skinned_meshes(armature), number, heads[0])
+    armature.data.pose_position = before
+    return tree, mesh
+
+
+def _mesh(meshes: Iterable[bpy.types.Object], number: Mapping[str, int], origin: np.ndarray) -> "SkinnedMesh | None":
+    """Meshes as one, as they are evaluated now, with joints by `number`, and relative to the root."""
+    from distretarget.io.fbx import influences_of
+    from distretarget.skin.mesh import SkinnedMesh
+
+    vertices, triangles, influences, first = [], [], [], 0
+    for mesh in meshes:
         data = mesh.evaluated_get(bpy.context.evaluated_depsgraph_get()).data  # with its modifiers
         data.calc_loop_triangles()
         step = len(data.loop_triangles) // MOST_TRIANGLES + 1
         used, corners = np.unique(_read(data.loop_triangles, "vertices")[::step].astype(int), return_inverse=True)
         matrix, positions = np.array(mesh.matrix_world), _read(data.vertices, "co")[used]
-        vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3])
+        vertices.append(positions @ matrix[:3, :3].T + matrix[:3, 3] - origin)
         triangles.append(first + corners.reshape(-1, 3))
         groups = {group.index: number[group.name] for group in mesh.vertex_groups if group.name in number}
         influences += [
-            (first + number, groups[each.group], each.weight)
-            for number, vertex in enumerate(used.tolist())
+            (first + row, groups[each.group], each.weight)
+            for row, vertex in enumerate(used.tolist())
             for each in data.vertices[vertex].groups
             if each.group in groups and each.weight > 0.0
         ]
         first += len(used)
-    armature.data.pose_position = before
-    influenced, influencing, weights = np.array(influences).reshape(-1, 3).T
-    arrays |= {"vertices": np.concatenate(vertices), "triangles": np.concatenate(triangles), "weights": weights}
-    return arrays | {"influenced": influenced.astype(int), "influencing": influencing.astype(int)}
+    if not influences:
+        return None
+    influenced, influencing, weights = np.array(influences).T
+    joints, weights = influences_of(first, influenced.astype(int), influencing.astype(int), weights)
+    bound = weights.any(axis=1)
+    weights[~bound, 0] = 1.0  # vertices without a bone move with the root
+    weights /= weights.sum(axis=1, keepdims=True)
+    corners = np.concatenate(triangles)
+    return SkinnedMesh(np.concatenate(vertices), joints, weights, corners[bound[corners].all(axis=1)])
 
 
 def _read(items: bpy.types.bpy_prop_collection, name: str) -> np.ndarray:
@@ -190,28 +211,37 @@ def title_of(armature: bpy.types.Object) -> str:
     return (_action_of(armature) or armature).name
 
 
-def motion_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> Arrays:
-    """Return the joints of an armature in each frame of its action, or without one of the scene.
+def performance_of(armature: bpy.types.Object, scene: bpy.types.Scene) -> "tuple[Motion, SkinnedMesh | None]":
+    """Return the motion of an armature in world space, of its action, or without one of the scene; and its mesh.
 
-    `positions`, (frames, joints, 3), and `rotations` from the rest pose, (frames, joints, 4), x y z w, in world space;
-    `frame_time` [s]. Constraints, drivers and NLA tracks are evaluated; the scene's current frame is restored.
+    Constraints, drivers and NLA tracks are evaluated; the scene's current frame is restored.
     """
-    action, now, names = _action_of(armature), scene.frame_current_final, [*skeleton(armature)]
+    from scipy.spatial.transform import Rotation
+
+    from distretarget.motion import Motion
+
+    tree, mesh = shape_of(armature)
+    action, now, names = _action_of(armature), scene.frame_current_final, tree.names
     first, last = action.frame_range if action else (scene.frame_start, scene.frame_end)
     bones, world = armature.data.bones, armature.matrix_world
     inverse_rests = [(world @ bones[name].matrix_local if name in bones else world).inverted() for name in names]
-    positions, rotations = [], []
+    frames = []
     for frame in range(round(first), round(last) + 1):
         scene.frame_set(frame)
         shown = armature.evaluated_get(bpy.context.evaluated_depsgraph_get())
         world, bones = shown.matrix_world, shown.pose.bones
         posed = [world @ bones[name].matrix if name in bones else world for name in names]
-        positions.append([[*matrix.translation] for matrix in posed])
-        pairs = zip(posed, inverse_rests, strict=True)
-        rotations.append([[*(matrix @ inverse).to_quaternion()] for matrix, inverse in pairs])
+        turns = [(matrix @ inverse).to_quaternion() for matrix, inverse in zip(posed, inverse_rests, strict=True)]
+        places = [matrix.translation for matrix in posed]
+        frames.append([Matrix.LocRotScale(*each, None) for each in zip(places, turns, strict=True)])
     scene.frame_set(math.floor(now), subframe=now % 1.0)
-    turns = np.array(rotations)[..., [1, 2, 3, 0]]
-    return {"positions": np.array(positions), "rotations": turns, "frame_time": frame_time_of(scene)}
+    matrices = np.array(frames)
+    local = np.linalg.inv(matrices[:, np.maximum(tree.parents, 0)]) @ matrices
+    local[:, 0] = matrices[:, 0]
+    translations, rotations = local[..., :3, 3], Rotation.from_matrix(local[..., :3, :3]).as_quat()
+    rigid = np.abs(translations - tree.offsets).max(axis=(0, 2)) < RIGID * np.ptp(tree.rest_positions)
+    translations = np.where(rigid[:, None], tree.offsets, translations)
+    return Motion.of_translations(tree, translations, rotations, repr(frame_time_of(scene))), mesh
 
 
 def frame_time_of(scene: bpy.types.Scene) -> float:

@@ -18,10 +18,8 @@ def _clip_changed(settings, _context):
 class DISTRETARGET_PG_pair(bpy.types.PropertyGroup):
     """The bone called `name`, and the joint of the clip that drives it."""
 
-    source: props.StringProperty(
-        name="Joint", description="The joint of the clip", update=lambda pair, _: setattr(pair, "is_chosen", True)
-    )
-    is_chosen: props.BoolProperty(name="Chosen", description="Chosen by the user, and kept")
+    source: props.StringProperty(name="Joint", update=lambda pair, _: setattr(pair, "is_chosen", True))
+    is_chosen: props.BoolProperty(name="Keep", description="Keep this choice; else the joint is found anew")
 
 
 class DISTRETARGET_PG_warning(bpy.types.PropertyGroup):
@@ -41,13 +39,9 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
         poll=lambda settings, each: each.type == "ARMATURE" and each.name in settings.id_data.objects,
         update=_clip_changed,
     )
-    animation: props.StringProperty(
-        name="Animation", description="The animation of a file that has several", update=_clip_changed
-    )
+    animation: props.StringProperty(name="Animation", description="One of those in the file", update=_clip_changed)
     start: props.IntProperty(name="Start", description="The frame at which the action begins", default=1)
-    whole_frames: props.BoolProperty(
-        name="Whole frames", description="Set a key in each frame of the scene instead of each frame of the clip"
-    )
+    whole_frames: props.BoolProperty(name="Whole frames", description="Key each frame of the scene, not of the clip")
     mirror: props.BoolProperty(name="Mirror", description="Exchange left and right")
     loop: props.BoolProperty(name="Loop", description="Blend the motion near its ends so that it repeats smoothly")
     in_place: props.BoolProperty(name="In place", description="Leave out the path along the floor")
@@ -68,9 +62,7 @@ class DISTRETARGET_PG_settings(bpy.types.PropertyGroup):
     )
     folder: props.StringProperty(name="Folder", description="A folder of clips", subtype="DIR_PATH")
     as_assets: props.BoolProperty(name="Mark as assets", description="Show the actions in the asset browser")
-    push_down: props.BoolProperty(
-        name="Push down", description="Make an NLA track of each action; all but the last are muted"
-    )
+    push_down: props.BoolProperty(name="Push down", description="Make NLA tracks of the actions; only the last is on")
     # Results of the last retargeting:
     verdict: props.StringProperty()
     warnings: props.CollectionProperty(type=DISTRETARGET_PG_warning)
@@ -92,9 +84,4 @@ def clip_key(clip: str | PurePath, animation: str) -> str:
     return "#".join(filter(None, [bpy.path.basename(str(clip)), animation]))
 
 
-GROUPS = (
-    DISTRETARGET_PG_pair,
-    DISTRETARGET_PG_warning,
-    DISTRETARGET_PG_contact,
-    DISTRETARGET_PG_settings,
-)
+GROUPS = (DISTRETARGET_PG_pair, DISTRETARGET_PG_warning, DISTRETARGET_PG_contact, DISTRETARGET_PG_settings)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The process that retargets a clip to a character: worker.py FOLDER.
 
-FOLDER has `job`, a pickled dict that `job.Job` makes. The process writes its progress to `progress`, and at the end
-`answer`, a pickled dict: an "error"; or "names", (joints,), "matrices", (frames, joints, 4, 4), with world positions
-and rotations from the rest pose, "frame_time" [s], and the data that the panel shows. With keys on controls, Blender
-runs this, and the answer also has the items that `controls.solve` returns.
+FOLDER has `job`: where to import from, and a dict that `job.Job` makes, both pickled. The process writes its progress
+to `progress`, and at the end `answer`, a pickled dict: an "error"; or "names", (joints,), "matrices", (frames, joints,
+4, 4), with world positions and rotations from the rest pose, "frame_time" [s], and the data that the panel shows. With
+keys on controls, Blender runs this, and the answer also has the items that `controls.solve` returns.
 """
 
 import json
@@ -17,17 +17,16 @@ from pathlib import Path
 
 import numpy as np
 
-RIGID = 1e-5  # translations that change less than this count as constant [of the body]
-
 
 def main(folder: Path) -> None:
     """Carry out the job in a folder."""
-    job = pickle.loads((folder / "job").read_bytes())
-    sys.path += job["path"]
+    with (folder / "job").open("rb") as file:
+        sys.path += pickle.load(file)
+        job = pickle.load(file)
     from distretarget import DistretargetError
 
     try:
-        answer = _retargeted(job, folder / "progress")
+        answer = _retargeted(job, folder)
         if job["keys"] != "JOINTS":
             answer |= _on_controls(job, answer, folder)
     except DistretargetError as error:
@@ -38,18 +37,19 @@ def main(folder: Path) -> None:
 class _Progress:
     """Writes the share of finished frames to a file."""
 
-    def __init__(self, file: Path, title: str, frames: int) -> None:
-        self.file, self.title, self.frames, self.done = file, title, max(frames, 1), 0
+    def __init__(self, folder: Path, title: str, frames: int) -> None:
+        self.file, self.title, self.frames, self.done = folder / "progress", title, frames, 0.0
 
     def __call__(self, frames: float) -> None:
         self.done += frames
         self.file.write_text(f"{self.title}: {100 * min(self.done / self.frames, 1.0):.0f} %", "utf-8")
 
 
-def _retargeted(job: dict, progress: Path) -> dict:
+def _retargeted(job: dict, folder: Path) -> dict:
     from scipy.spatial.transform import Rotation
 
     from distretarget import Builds, DistretargetError, Edits, OutputSettings, contacts_to_json, read_motion, retarget
+    from distretarget.body.single_bones import on_ends
     from distretarget.io.contacts_file import HEADER, parse_contacts
     from distretarget.io.input_file import load_file
     from distretarget.io.reading import build_of, with_source
@@ -57,13 +57,14 @@ def _retargeted(job: dict, progress: Path) -> dict:
 
     builds = Builds()
     if job["clip"] is None:
-        motion = _motion(job["performer"])
+        motion, mesh = job["performer"]
         with suppress(DistretargetError):  # the armature has no mesh
-            builds = Builds(source=build_of(_target(job["performer"]), "the armature"))
+            builds = Builds(source=build_of(_target(motion.skeleton, mesh), "the armature"))
+        motion = on_ends(motion, lambda: mesh)
     else:
         motion = read_motion(job["clip"], clip=job["animation"] or None)
         builds = with_source(builds, load_file(job["clip"]))
-    motion, target = Edits(**job["edits"]).of(motion), _target(job["character"])
+    motion, target = Edits(**job["edits"]).of(motion), _target(*job["character"])
     keys = {*motion.skeleton.keys}
     missing = {joint: source for joint, source in job["map"].items() if source is not None and source not in keys}
     result = retarget(
@@ -72,7 +73,7 @@ def _retargeted(job: dict, progress: Path) -> dict:
         builds=builds,
         joint_map={joint: source for joint, source in job["map"].items() if joint not in missing},
         contacts=parse_contacts(json.dumps(HEADER | {"contacts": job["contacts"]}), "Contacts"),
-        progress=_Progress(progress, "Retargeting", len(motion)),
+        progress=_Progress(folder, "Retargeting", len(motion)),
     )
     written = OutputSettings(in_place=job["in_place"]).clip(result.motion, "", np.array([0.0, 0.0, 1.0])).motion
     if job["frame_time"]:
@@ -115,69 +116,16 @@ def _on_controls(job: dict, answer: dict, folder: Path) -> dict:
     bpy.context.scene.collection.objects.link(armature)
     bpy.context.scene.frame_set(job["frame"])  # puts it where it is in the world
     unmute(armature, job["muted"])
-    progress = _Progress(folder / "progress", "Moving the controls", len(answer["matrices"]))
+    progress = _Progress(folder, "Moving the controls", len(answer["matrices"]))
     return solve(armature, answer["names"], answer["matrices"], job["keys"], progress)
 
 
-def _skeleton(arrays: dict[str, np.ndarray]):
-    """The skeleton of an armature."""
-    from distretarget import Skeleton
-    from distretarget.skeleton import DEFAULT_ROOT, DEFAULT_ROTATIONS
-
-    heads, parents = arrays["heads"], arrays["parents"]
-    return Skeleton(
-        names=tuple(arrays["names"]),
-        parents=parents,
-        offsets=heads - np.where((parents >= 0)[:, None], heads[parents], 0.0),
-        channels=(DEFAULT_ROOT, *[DEFAULT_ROTATIONS] * (len(parents) - 1)),
-        end_sites=np.zeros(len(parents), bool),
-        up="Z",
-        floor_at_zero=True,
-    )
-
-
-def _motion(arrays: dict[str, np.ndarray]):
-    """The motion of an armature, whose bones may have changing translations."""
-    from scipy.spatial.transform import Rotation
-
-    from distretarget import Motion
-    from distretarget.body.single_bones import on_ends
-    from distretarget.numerics.kinematics import make_local
-
-    skeleton, rotations, positions = _skeleton(arrays), arrays["rotations"], arrays["positions"]
-    parents = np.maximum(skeleton.parents, 0)
-    translations = Rotation.from_quat(rotations[:, parents]).inv().apply(positions - positions[:, parents])
-    rigid = np.abs(translations - skeleton.offsets).max(axis=(0, 2)) < RIGID * np.ptp(arrays["heads"])
-    translations = np.where(rigid[:, None], skeleton.offsets, translations)
-    translations[:, 0] = positions[:, 0]
-    make_local(skeleton.parents, rotations)
-    motion = Motion.of_translations(skeleton, translations, rotations, repr(arrays["frame_time"]))
-    return on_ends(motion, lambda: _mesh(arrays))
-
-
-def _target(arrays: dict[str, np.ndarray]):
-    """The character as a target."""
+def _target(skeleton, mesh):
+    """A character as a target."""
     from distretarget import Target
     from distretarget.body.single_bones import with_ends
 
-    mesh = _mesh(arrays)
-    return Target(with_ends(_skeleton(arrays), lambda: mesh), {}, "", mesh=lambda: mesh)
-
-
-def _mesh(arrays: dict[str, np.ndarray]):
-    """The skinned meshes of an armature as one, or None."""
-    from distretarget.io.fbx import influences_of
-    from distretarget.skin.mesh import SkinnedMesh
-
-    influences = [arrays[name] for name in ("influenced", "influencing", "weights")]
-    if not len(influences[0]):
-        return None
-    joints, weights = influences_of(len(arrays["vertices"]), *influences)
-    bound = weights.sum(axis=1) > 0.0
-    weights[~bound, 0] = 1.0  # vertices without a bone move with the root
-    weights /= weights.sum(axis=1, keepdims=True)
-    triangles = arrays["triangles"][bound[arrays["triangles"]].all(axis=1)]
-    return SkinnedMesh(arrays["vertices"] - arrays["heads"][0], joints, weights, triangles)
+    return Target(with_ends(skeleton, lambda: mesh), {}, "", mesh=lambda: mesh)
 
 
 if __name__ == "__main__":

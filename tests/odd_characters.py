@@ -4,19 +4,17 @@ Each function with a character's name changes that human, which has Rigify's nam
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 
 import bpy
 from mathutils import Euler, Matrix, Vector
 
 # Rigify's names without sides, and odd names for the same bones; {} is the side.
-PARTS = (
-    "spine,spine.001,spine.002,spine.003,spine.004,spine.005,spine.006,"
-    "shoulder,upper_arm,forearm,hand,thigh,shin,foot,toe"
-)
 ODD = (
-    "Hips,Spine,Chest,Brust/Oberkörper,Neck,Neck 2,頭,"
-    "{} Shoulder,{} Upper Arm,{} Lower Arm,{}:Hand.x,{} Upper Leg,{} Lower Leg,{} Foot,{} Toes"
+    "spine=Hips,spine.001=Spine,spine.002=Chest,spine.003=Brust/Oberkörper,spine.004=Neck,spine.005=Neck 2,"
+    "spine.006=頭,shoulder={} Shoulder,upper_arm={} Upper Arm,forearm={} Lower Arm,hand={}:Hand.x,"
+    "thigh={} Upper Leg,shin={} Lower Leg,foot={} Foot,toe={} Toes"
 )
 LIMBS = [
     (one + side, two + side, end + side)
@@ -39,8 +37,9 @@ def made(name: str) -> Armature:
         bpy.ops.pose.rigify_generate()
         return bpy.context.object
     armature.name = armature.data.name = "Armature"
-    spare = [bone.name for bone in armature.data.bones if bone.name.startswith(NO_BONES)]
-    with_edit_bones(armature, lambda bones: [bones.remove(bones[each]) for each in spare])
+    with edit_bones(armature) as bones:
+        for spare in [bone for bone in bones if bone.name.startswith(NO_BONES)]:
+            bones.remove(spare)
     globals()[name](armature)
     if not bpy.data.meshes:
         add_boxes(armature)
@@ -48,34 +47,28 @@ def made(name: str) -> Armature:
     return armature
 
 
-def with_edit_bones(armature: Armature, change: Callable[[Bones], object]) -> None:
-    """Change bones in edit mode."""
+@contextmanager
+def edit_bones(armature: Armature) -> Iterator[Bones]:
+    """The bones of an armature in edit mode."""
     bpy.context.view_layer.objects.active = armature
     bpy.ops.object.mode_set(mode="EDIT")
-    change(armature.data.edit_bones)
+    yield armature.data.edit_bones
     bpy.ops.object.mode_set(mode="OBJECT")
 
 
 def add_boxes(armature: Armature, skinned: bool = True) -> None:
     """Give each deforming bone a box: in one mesh that the armature deforms, or as meshes that hang on the bones."""
-    corners, faces, groups = [], [], {}
-    square = [(-1, -1), (1, -1), (1, 1), (-1, 1)]
-    box = [(0, 1, 2, 3), (7, 6, 5, 4), *((i, i + 4, (i + 1) % 4 + 4, (i + 1) % 4) for i in range(4))]
-    for bone in (each for each in armature.data.bones if each.use_deform):
-        first, width = len(corners), bone.length * 0.15
-        ends = [Vector((x * width, y, z * width)) for y in (0.02 * bone.length, 0.9 * bone.length) for x, z in square]
-        corners += [bone.matrix_local @ each for each in ends]
-        faces += [tuple(first + corner for corner in face) for face in box]
-        groups[bone.name] = range(first, first + 8)
-        if not skinned:
-            hang(armature, bone.name, ends, box)
+    bones = [bone for bone in armature.data.bones if bone.use_deform]
+    boxes = [hung(armature, each.name, Vector((0.3, 0.88, 0.3)) * each.length, 0.46 * each.length) for each in bones]
     if skinned:
-        body = new_object("Body", bpy.data.meshes.new("Body"))
-        body.data.from_pydata(corners, [], faces)
-        body.parent = armature
-        for name, numbers in groups.items():
-            body.vertex_groups.new(name=name).add(list(numbers), 1.0, "REPLACE")
-        body.modifiers.new("Armature", "ARMATURE").object = armature
+        for bone, box in zip(bones, boxes, strict=True):
+            box.vertex_groups.new(name=bone.name).add(range(8), 1.0, "REPLACE")
+            box.parent = None
+            box.data.transform(bone.matrix_local)
+        with bpy.context.temp_override(active_object=boxes[0], selected_editable_objects=boxes):
+            bpy.ops.object.join()
+        boxes[0].name, boxes[0].parent, boxes[0].matrix_parent_inverse = "Body", armature, Matrix()
+        boxes[0].modifiers.new("Armature", "ARMATURE").object = armature
 
 
 def new_object(name: str, data: bpy.types.ID | None) -> bpy.types.Object:
@@ -85,25 +78,25 @@ def new_object(name: str, data: bpy.types.ID | None) -> bpy.types.Object:
     return new
 
 
-def hang(armature: Armature, bone: str, corners: list[Vector], faces: list[tuple[int, ...]]) -> None:
-    """A mesh whose parent is a bone."""
-    part = new_object(f"Part {bone}", bpy.data.meshes.new("Part"))
-    part.data.from_pydata(corners, [], faces)
-    part.parent, part.parent_type, part.parent_bone = armature, "BONE", bone
-    part.matrix_parent_inverse = Matrix.Translation((0, -armature.data.bones[bone].length, 0))
+def hung(armature: Armature, bone: str, size: Vector, along: float = 0.0) -> bpy.types.Object:
+    """A box whose parent is a bone, and whose centre is so far along it."""
+    bpy.ops.mesh.primitive_cube_add(size=1)
+    box = bpy.context.object
+    box.data.transform(Matrix.LocRotScale((0, along, 0), None, size))
+    box.parent, box.parent_type, box.parent_bone = armature, "BONE", bone
+    box.matrix_parent_inverse = Matrix.Translation((0, -armature.data.bones[bone].length, 0))
+    return box
 
 
 def add_bone(armature: Armature, name: str, head: Vector, tail: Vector, parent: str | None = None) -> None:
-    def add(bones: Bones) -> None:
+    with edit_bones(armature) as bones:
         bone = bones.new(name)
         bone.head, bone.tail, bone.parent = head, tail, bones[parent] if parent else None
-
-    with_edit_bones(armature, add)
 
 
 def names_with_spaces(armature: Armature) -> None:
     """Names as in Unity's humanoid, such as Left Upper Arm; also colons, slashes, dots and other alphabets."""
-    by_part = dict(zip(PARTS.split(","), ODD.split(","), strict=True))
+    by_part = dict(pair.split("=") for pair in ODD.split(","))
     for bone in armature.data.bones:
         part = bone.name.removesuffix(".L").removesuffix(".R")
         bone.name = by_part[part].format("Right" if bone.name.endswith(".R") else "Left")
@@ -113,9 +106,10 @@ def more_bones(armature: Armature) -> None:
     """A root bone, twist bones that have skin, a skirt of eight bones whose sway hangs from the hips, IK bones that
     have no skin, and a staff as a mesh on a hand.
     """
-    bones = armature.data.bones
     add_bone(armature, "root", Vector(), Vector((0, 0.2, 0)))
-    with_edit_bones(armature, lambda bones: setattr(bones["spine"], "parent", bones["root"]))
+    with edit_bones(armature) as bones:
+        bones["spine"].parent = bones["root"]
+    bones = armature.data.bones
     for name in ("upper_arm.L", "upper_arm.R", "forearm.L", "forearm.R", "shin.L", "shin.R"):
         bone = bones[name]
         middle = (bone.head_local + bone.tail_local) / 2
@@ -129,35 +123,46 @@ def more_bones(armature: Armature) -> None:
     add_boxes(armature)
     for end in ("foot.L", "foot.R", "hand.L", "hand.R"):
         add_bone(armature, f"ik_{end}", bones[end].head_local, bones[end].tail_local, "root")
-    hang(armature, "hand.R", [Vector((0, 0, -0.5)), Vector((0, 0, 0.5)), Vector((0.02, 0, 0.5))], [(0, 1, 2)])
+    hung(armature, "hand.R", Vector((0.02, 0.02, 1)))
 
 
 def blocks(armature: Armature) -> None:
     """A figure of blocks: arms and legs are one bone each, without ends."""
     tops = {"upper_arm.L": "hand.L", "upper_arm.R": "hand.R", "thigh.L": "foot.L", "thigh.R": "foot.R", "spine.006": ""}
-
-    def change(bones: Bones) -> None:
+    with edit_bones(armature) as bones:
         for name, end in tops.items():
             bones[name].use_connect, bones[name].parent = False, bones["spine"]
             bones[name].tail = bones[end].head if end else bones[name].tail
         for spare in [bone for bone in bones if bone.name not in {"spine", *tops}]:
             bones.remove(spare)
-
-    with_edit_bones(armature, change)
     for name, own in zip(tops, ("LeftArm", "RightArm", "LeftLeg", "RightLeg", "Head"), strict=True):
         armature.data.bones[name].name = own
 
 
 def scale_001(armature: Armature) -> None:
-    """An armature in centimetres with Y up, below an object with scale 0.01, turned by 90 degrees."""
+    """An armature in centimetres with Y up, below an object with scale 0.01, turned by 90 degrees. Upper arms and head
+    keep their direction when the trunk turns; hands do not inherit scale.
+    """
     turn = Matrix.Rotation(math.radians(90), 4, "X") @ Matrix.Scale(0.01, 4)
     armature.data.transform(turn.inverted())
     armature.matrix_world = turn
+    for name in ("upper_arm.L", "upper_arm.R", "spine.006"):
+        armature.data.bones[name].use_inherit_rotation = False
+    for name in ("hand.L", "hand.R"):
+        armature.data.bones[name].inherit_scale = "NONE"
 
 
 def ik(armature: Armature) -> None:
-    """IK of arms and legs, with targets that count as deforming but move no mesh, as Blender makes bones."""
+    """IK of arms and legs, with targets that count as deforming but move no mesh, as Blender makes bones. The mesh has
+    a shape key and modifiers; and there is a crane for the camera, an armature that moves no mesh.
+    """
     add_boxes(armature)
+    body = bpy.data.objects["Body"]
+    body.shape_key_add(name="Basis")
+    body.shape_key_add(name="Smile").value = 0.5
+    body.modifiers.new("Smooth", "SUBSURF").levels = 1
+    body.modifiers.new("Mirror", "MIRROR")
+    add_bone(new_object("Crane", bpy.data.armatures.new("Crane")), "arm", Vector(), Vector((0, 0, 3)))
     for _, bone, end in LIMBS:
         target, rest = f"{end[:-2]}_ik{end[-2:]}", armature.data.bones[end]
         add_bone(armature, target, rest.head_local, rest.tail_local)
@@ -185,14 +190,6 @@ def constraints(armature: Armature) -> None:
     armature.pose.bones["spine"].scale = (2, 2, 2)
 
 
-def no_inherited_rotation(armature: Armature) -> None:
-    """Upper arms and head keep their direction when the trunk turns; hands do not inherit scale."""
-    for name in ("upper_arm.L", "upper_arm.R", "spine.006"):
-        armature.data.bones[name].use_inherit_rotation = False
-    for name in ("hand.L", "hand.R"):
-        armature.data.bones[name].inherit_scale = "NONE"
-
-
 def drivers(armature: Armature) -> None:
     """The left forearm bends with the right one, by a driver."""
     for bone in armature.pose.bones:
@@ -204,11 +201,6 @@ def drivers(armature: Armature) -> None:
     target.id, target.bone_target = armature, "forearm.R"
     target.transform_type, target.transform_space = "ROT_X", "LOCAL_SPACE"
     driver.expression = "angle + 0.3"
-
-
-def two_armatures(_armature: Armature) -> None:
-    """The character, and a crane for the camera, which moves no mesh."""
-    add_bone(new_object("Crane", bpy.data.armatures.new("Crane")), "arm", Vector(), Vector((0, 0, 3)))
 
 
 def two_characters(armature: Armature) -> None:
@@ -244,7 +236,8 @@ def posed(armature: Armature) -> None:
 def copies(rig: Armature) -> None:
     """Deforming bones copy FK bones, or IK bones with poles by a property of the targets."""
     deforming, shape = rig.data.bones.keys(), bpy.data.objects.new("shape", None)
-    with_edit_bones(rig, lambda bones: _add_controls(bones, deforming))
+    with edit_bones(rig) as bones:
+        _add_controls(bones, deforming)
     poses = rig.pose.bones
     for name in deforming:
         constrain(rig, name, "COPY_TRANSFORMS", "fk " + name)
