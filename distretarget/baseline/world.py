@@ -12,7 +12,7 @@ from distretarget.baseline.rotation_copy import find_root_scale
 from distretarget.body.axes import axis_vector
 from distretarget.body.body import OFF_FLOOR, Body
 from distretarget.body.resting import feet_at_rest, feet_resting
-from distretarget.body.soles import floor_height, sole_height
+from distretarget.body.soles import floor_height, points_down, sole_height
 from distretarget.checks import check_choice
 from distretarget.matching.matching import Matching
 from distretarget.matching.undersides import Undersides
@@ -147,22 +147,29 @@ def rise_onto_soles(matching: Matching, scale: float, undersides: Undersides | N
         own = float(np.mean([(places[sole.joints] @ target.up_vector).min() for _, sole in matching.soles]))
     else:
         return 0.0
-    found = _floor_of_source(matching, on_mesh)
+    found = _floor_of_source(matching, undersides if on_mesh else None)
     if abs(found) > LOW * source_leg or not (-LOW * leg if on_mesh else 0.0) <= own <= LOW * leg:
         return 0.0
     return own / scale - found
 
 
-def _floor_of_source(matching: Matching, on_mesh: bool) -> float:
-    """The height of the source's floor: the median of flat feet, or the floor under soles `on_mesh`; or infinite."""
+def _floor_of_source(matching: Matching, undersides: Undersides | None) -> float:
+    """The height of the source's floor: the median of flat feet, or infinite; or with `undersides`, for feet on their
+    mesh, the floor under soles, or without any on the floor that under the lowest skin.
+    """
     motion, up, length = matching.source_motion, matching.target.up_vector, matching.leg_lengths[0]
     legs = matching.legs[0] if matching.legs else ()
     feet = [(leg, sole) for leg, (sole, _) in zip(legs, matching.soles, strict=True)]
-    if on_mesh:
-        shots = matching.source.shots_of(motion)
-        rests = [feet_resting(motion, leg, up, length, shots).max(axis=1) == 1.0 for leg, _ in feet]
-        heights = [sole_height(motion, sole, up) for _, sole in feet]
+    if undersides is None:
+        flat = [motion.positions[feet_at_rest(motion, leg, up, length).all(axis=1)] for leg, _ in feet]
+        places = zip(flat, feet, strict=True)
+        resting = np.concatenate([lowest_heights(x, up, sole.joints) for x, (_, sole) in places])
+        return float(np.median(resting)) if len(resting) else np.inf
+    shots = matching.source.shots_of(motion)
+    rests = [feet_resting(motion, leg, up, length, shots).max(axis=1) == 1.0 for leg, _ in feet]
+    rests = [rest & points_down(motion, sole, up) for rest, (_, sole) in zip(rests, feet, strict=True)]
+    heights = [sole_height(motion, sole, up) for _, sole in feet]
+    if np.any(rests):
         return floor_height(np.stack(heights, axis=1), np.stack(rests, axis=1))
-    flat = [motion.positions[feet_at_rest(motion, leg, up, length).all(axis=1)] for leg, _ in feet]
-    resting = np.concatenate([lowest_heights(x, up, sole.joints) for x, (_, sole) in zip(flat, feet, strict=True)])
-    return float(np.median(resting)) if len(resting) else np.inf
+    joints = np.unique(matching.drivers[matching.joints_but_feet()])
+    return float(np.median(undersides.source.lowest(motion, joints, up))) + undersides.soles[0]

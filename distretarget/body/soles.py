@@ -40,6 +40,7 @@ GUESSED_LENGTH, GUESSED_DIRECTION = 0.01, np.cos(np.radians(10))  # tolerances o
 UPRIGHT = np.sin(np.radians(15))  # a foot within this angle of straight up or down points nowhere else [sine]
 HANGING = np.cos(np.radians(30))  # a foot within this angle of straight down hangs instead of standing [cosine]
 MIRRORED = np.array([1.0, -1.0])  # factors that mirror the angles of a foot about its sideways axis and its length
+UPRIGHT_SHIN = np.cos(np.radians(45))  # a shin within this angle of the vertical is upright [cosine]
 SAME_FACE = np.cos(np.radians(10))  # faces of a hull within this angle form one side of the foot [cosine]
 # A flat sole is at least this share of the hull's surface: soles of real characters are 0.15 to 0.26 of it, the largest
 # face of a round foot is 0.05, that of a pointed toe less.
@@ -192,8 +193,11 @@ def _is_guessed(skeleton: Skeleton, joint: int, up: Array) -> bool:
 
 
 def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array, Array] | None:
-    """The medians of up and of the vector to the toe while a foot rests, in the ankle's axes; None if it never does."""
-    resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1))
+    """The medians of up and of the vector to the toe while a foot rests below an upright shin, in the ankle's axes;
+    None if it never does. The shins of bodies that lie, sit or kneel are level: how their feet stand does not show.
+    """
+    shin = normalised(motion.positions[:, motion.skeleton.parents[leg.ankle]] - motion.positions[:, leg.ankle])
+    resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1) & (shin @ up > UPRIGHT_SHIN))
     if not len(resting):
         return None
     to_ankle = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[resting]).inv()
@@ -278,6 +282,16 @@ def sole_height(motion: Motion, sole: Sole, up: Array) -> Array:
     upwards = Rotation.from_quat(motion.world_rotations_of(sole.joints.item(0))).apply(sole.normal) @ up
     points = heights_of(motion.positions, sole.joints, up) - np.outer(np.maximum(upwards, 0.0), sole.heights)
     return np.asarray(points.min(axis=1))
+
+
+def points_down(motion: Motion, sole: Sole, up: Array) -> Flags:
+    """Return whether a foot points down with its sole or toes, (frames,), more than with its heel, back or side, on
+    which the feet of a body lie that lies or sits.
+    """
+    forward = normalised(sole.direction - (sole.direction @ sole.normal) * sole.normal)
+    turns = Rotation.from_quat(motion.world_rotations_of(sole.joints.item(0)))
+    upwards = turns.apply(up, inverse=True)
+    return np.asarray(upwards @ (sole.normal - forward) > np.abs(upwards @ np.cross(sole.normal, forward)))
 
 
 def floor_height(heights: Array, rests: Flags) -> float:

@@ -67,6 +67,10 @@ class Underside:
             result[:, column] = heights[:, column] - lowest
         return result
 
+    def lowest(self, motion: Motion, joints: Numbers, up: Array) -> Array:
+        """Return the height of the lowest skin about any of the joints, (frames,) [file units]."""
+        return np.asarray((heights_of(motion.positions, joints, up) - self.below(motion, joints, up)).min(axis=1))
+
     def reach(self, joint: int) -> float:
         """Return the largest possible `below` for a joint of trunk or head [file units]; 0 for other joints."""
         return self._cached(self._reach, joint)
@@ -204,9 +208,16 @@ class Undersides:
     feet_on_mesh: bool
 
     @classmethod
-    def of(cls, matching: Matching, capsules: tuple[Capsules, Capsules], mesh: SkinnedMesh | None) -> Undersides:
-        """Return the undersides of source and target with these capsules and, if it has one, the target's mesh."""
-        source, target = _underside(matching.source, capsules[0], None), _underside(matching.target, capsules[1], mesh)
+    def of(
+        cls,
+        matching: Matching,
+        capsules: tuple[Capsules, Capsules],
+        mesh: SkinnedMesh | None,
+        source_mesh: SkinnedMesh | None = None,
+    ) -> Undersides:
+        """Return the undersides of source and target with these capsules and, where they have them, their meshes."""
+        source = _underside(matching.source, capsules[0], source_mesh)
+        target = _underside(matching.target, capsules[1], mesh)
         feet = [*zip(*matching.legs, matching.soles, strict=True)] if matching.legs else []
         thick = [[source.thickness(a.ankle, x), target.thickness(b.ankle, y)] for a, b, (x, y) in feet]
         mean, mean_of_target = np.mean(thick or np.zeros((1, 2)), axis=0).tolist()

@@ -39,7 +39,7 @@ def find_flesh(clip: Clip, weights: Array, undersides: Undersides | None) -> Fle
         return Flesh(np.zeros(0, np.intp), np.zeros((len(clip), 0)))
     joints = clip.limb_joints[clip.regions.inside(*WITHOUT_SIDE)[clip.limb_joints]]
     joints = joints[~np.isin(joints, [pair.target.hip for pair in clip.legs])]
-    floor, rests = _height_of_floor(clip) - undersides.soles[1], weights.max(axis=1, initial=0.0) > 0.0
+    floor, rests = _floor_below_skin(clip, undersides), weights.max(axis=1, initial=0.0) > 0.0
     reach = np.array([undersides.target.reach(joint) for joint in joints.tolist()])
     near = (clip.copy_on_path(joints) @ clip.up - floor < reach) & rests[:, None]
     joints, frames = joints[near.any(axis=0)], np.flatnonzero(near.any(axis=1))
@@ -123,7 +123,23 @@ def _shares(clip: Clip, joints: Numbers) -> Array:
 
 
 def _height_of_floor(clip: Clip) -> Array:
-    """(frames, 1), the height of the source's lowest joint within `FLOOR_SPAN` of each frame, scaled [target file
-    units]. So neither feet that leave the floor for a moment nor a faulty frame raise it.
+    """(frames, 1), the height of the source's lowest joint around each frame, scaled [target file units]."""
+    return clip.scale.heights(_least_around(clip, clip.source_floor))
+
+
+def _floor_below_skin(clip: Clip, undersides: Undersides) -> Array:
+    """(frames, 1), the height of the floor below soles at the source's lowest joint [target file units]; if the source
+    has a mesh, below its skin where that is lower, as in a body that lies.
     """
-    return clip.scale.heights(-largest(-clip.source_floor[:, None], round(FLOOR_SPAN / clip.frame_time)))
+    lowest, (sole, own_sole) = clip.source_floor, undersides.soles
+    if undersides.source.mesh is not None:
+        sources = np.unique(clip.drivers[clip.limb_joints])
+        lowest = np.minimum(lowest, undersides.source.lowest(clip.source, sources, clip.up) + sole)
+    return clip.scale.heights(_least_around(clip, lowest)) - own_sole
+
+
+def _least_around(clip: Clip, heights: Array) -> Array:
+    """(frames, 1), the least of heights, (frames,), within `FLOOR_SPAN` of each frame. So neither feet that leave the
+    floor for a moment nor a faulty frame raise the floor.
+    """
+    return -largest(-heights[:, None], round(FLOOR_SPAN / clip.frame_time))

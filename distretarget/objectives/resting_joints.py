@@ -24,6 +24,7 @@ import numpy as np
 from distretarget.body.anatomy import TRUNK_REGIONS, WITHOUT_SIDE
 from distretarget.body.axes import perpendicular
 from distretarget.body.resting import REST_HEIGHT, REST_SPEED, joint_speeds, still_joints
+from distretarget.body.soles import points_down
 from distretarget.matching.undersides import Undersides
 from distretarget.numerics.joint_paths import heights_of
 from distretarget.numerics.time_series import by_shot, median_of_three, run_means, runs_of, smoothed, spans_of, widened
@@ -247,6 +248,7 @@ def _skin_floor(clip: Clip, feet: Supports, sole: float, skin: Array, rests: Fla
     soles = [heights_of(clip.source.positions, pair.source_sole.joints, clip.up).min(axis=1) for pair in clip.legs]
     heights, stands = np.stack(soles, axis=1), feet.weights.reshape(len(clip), -1, 2).max(axis=2) >= RESTS
     stands &= heights - clip.source_floor[:, None] < LOW_FOOT * clip.leg_lengths[0]
+    stands &= np.stack([points_down(clip.source, pair.source_sole, clip.up) for pair in clip.legs], axis=1)
     low = np.where(stands, heights - sole, np.inf).min(axis=1)
 
     def of_shot(low: Array, skin: Array, rests: Flags) -> Array:

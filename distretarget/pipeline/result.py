@@ -77,7 +77,7 @@ class Match:
     def undersides(self) -> Undersides | None:
         """The undersides of source and target, on which they rest; None for stick figures."""
         both = self.skins and (self.skins.source.capsules, self.skins.target.capsules)
-        return Undersides.of(self.matching, both, self.mesh) if both else None
+        return Undersides.of(self.matching, both, self.mesh, self.source_mesh) if both else None
 
     @cached_property
     def anchored_skin(self) -> AnchoredSkin:
