@@ -193,11 +193,13 @@ def _is_guessed(skeleton: Skeleton, joint: int, up: Array) -> bool:
 
 
 def _at_rest(motion: Motion, leg: Leg, up: Array, length: float) -> tuple[Array, Array] | None:
-    """The medians of up and of the vector to the toe while a foot rests below an upright shin, in the ankle's axes;
-    None if it never does. The shins of bodies that lie, sit or kneel are level: how their feet stand does not show.
+    """The medians of up and of the vector to the toe while a foot rests, in the ankle's axes; None if it never does.
+    Where it mostly rests below a shin that is not upright, as that of a body that lies, only the other frames count.
     """
+    rests = feet_at_rest(motion, leg, up, length).all(axis=1)
     shin = normalised(motion.positions[:, motion.skeleton.parents[leg.ankle]] - motion.positions[:, leg.ankle])
-    resting = np.flatnonzero(feet_at_rest(motion, leg, up, length).all(axis=1) & (shin @ up > UPRIGHT_SHIN))
+    stands = rests & (shin @ up > UPRIGHT_SHIN)
+    resting = np.flatnonzero(rests if 2 * stands.sum() > rests.sum() else stands)
     if not len(resting):
         return None
     to_ankle = Rotation.from_quat(motion.world_rotations_of(leg.ankle)[resting]).inv()
