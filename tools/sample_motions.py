@@ -95,12 +95,12 @@ def hands_on_hips() -> Motion:
     shift = 3.2 * eased(t, [1.0, 2.1, 3.4, 4.6], [0, 1, -1, 0])
     body = standing_trunk(t, shift, turned(pitch=2, yaw=-1.2 * shift, roll=0.4 * shift))
     on_hips = held(t, 0.3, 1.35, 4.2, 5.3)
-    palm = hand(fingers=[0.08, -0.36, 0.93], palm=[-1.0, -0.1, 0.05])
+    palm = hand(fingers=[-0.08, -0.5, 0.86], palm=[-1.0, -0.1, -0.1])
     arms = {}
     for side in SIDES:
         chest, (position, rotation) = seen_from(side, body.chest()), seen_from(side, body.pelvis())
-        wrist = position + rotation.apply(columns(18.5 + 48 * on_hips * (1 - on_hips), 10.0, -5.0))
-        arm = reaching_arm(chest, shrug(4.0, -4.0), wrist, chest[1].apply([0.9, 0.0, -0.42]), rotation * palm)
+        wrist = position + rotation.apply(columns(20.0 + 48 * on_hips * (1 - on_hips), 10.0, -5.0))
+        arm = reaching_arm(chest, shrug(4.0, -4.0), wrist, chest[1].apply([0.75, 0.0, -0.66]), rotation * palm)
         arms[side] = hanging_arm(t).blended(arm, on_hips)
     return motion(body, arms, planted_feet(t, width=24, toe_out=11))
 
