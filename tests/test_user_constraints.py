@@ -103,7 +103,7 @@ def test_dropped_contacts_leave_the_result_of_the_clip_without_them():
 def test_what_is_far_from_a_contact_that_is_dropped_stays_as_it_is_on_a_body_with_skin():
     """And what is near it becomes what it is in a clip without it in any frame."""
     motion, parts = sample("hands_on_hips"), ("left hand", "hips")
-    (found,) = (entry for entry in find_contacts(motion, HERO) if entry.parts == tuple(sorted(parts)))
+    (found,) = (entry for entry in find_contacts(motion) if entry.parts == tuple(sorted(parts)))
     one = Contact(between=parts, keep=False, frames=found.frames)
     before, near, whole = (asked(motion, HERO, *each) for each in ([], [one], [replace(one, frames=None)]))
     (first, last), on, reach = found.frames, changed(before, near), round(BLENDS / motion.frame_time) + 2
