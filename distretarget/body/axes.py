@@ -20,7 +20,9 @@ AHEAD = np.cos(np.radians(10))  # so is left within this angle: a body that face
 # than `TURNED`. In 40 rigs that stand upright legs lean by up to 3 degrees, or 6 while the trunk does not, and stride
 # by up to 2; hip joints are not turned, and shoulders by up to 4 degrees.
 STRIDE = 6.0  # [degrees]
-LEAN, TURNED, ALONG = *np.sin(np.radians([4.5, 1.5])), 0.15  # [sines]
+LEAN = np.sin(np.radians(4.5))  # [sine]
+TURNED = np.sin(np.radians(1.5))  # [sine]
+ALONG = 0.15
 PARALLEL = 1e-6  # directions are parallel if the angle between them is smaller than this [rad]
 
 
@@ -121,9 +123,8 @@ class Directions:
         legs = [self.bone(f"{side}UpperLeg", f"{side}Foot") for side in SIDES]
         if legs[0] is None or legs[1] is None:
             return 0.0
-        return float(
-            np.degrees(abs(np.arctan2(cross(legs[0], legs[1]) @ self.left, level(legs[0], self.left) @ legs[1])))
-        )
+        across, along = cross(legs[0], legs[1]) @ self.left, level(legs[0], self.left) @ legs[1]
+        return float(np.degrees(abs(np.arctan2(across, along))))
 
     @cached_property
     def _lean(self) -> Array:
@@ -131,11 +132,11 @@ class Directions:
         up = axis_vector(nearest_axis(self.up)[0])
         aside = normalised(level(self.left, up))
         ways = np.stack([aside, cross(aside, up)])
-        lean, along = ways @ -self.legs, ways @ self.trunk
-        if self.stride > STRIDE:
+        of_legs, of_trunk = ways @ -self.legs, ways @ self.trunk
+        lean = np.where(of_legs * of_trunk > ALONG * of_legs**2, of_legs, 0.0)
+        if self.stride > STRIDE or np.linalg.norm(lean) <= LEAN:
             return np.zeros(3)
-        lean = np.where(lean * along > ALONG * lean**2, lean, 0.0)
-        return np.asarray(lean @ ways / abs(self.legs @ up) if np.linalg.norm(lean) > LEAN else np.zeros(3))
+        return np.asarray(lean @ ways / abs(self.legs @ up))
 
     @property
     def _is_turned(self) -> bool:

@@ -146,9 +146,9 @@ def _displaced(
     frames, touching = _source_contacts(clip, skins, posed, free, self_contact, zones, corrected, of_source)
     if targets is not None:
         frames, zones = _with_targets(frames, zones, targets)
-        of_source, touching = (_with_columns(each, len(zones.limbs)) for each in (of_source, touching))
+        touching = np.pad(touching, ((0, 0), (0, len(zones.limbs) - found)))  # not in the user's zones
     bend = partial(limb_displacements, body.balls, body.displaced, zones)
-    overlap = None if body.surface is None else _false_overlap(skins, posed, zones, of_source, found, first, targets)
+    overlap = None if body.surface is None else _false_overlap(skins, posed, zones, of_source, first, targets)
     start = np.zeros((len(clip), len(body.limbs), 2, 3))
     if overlap is None or targets is not None or not skins.are_alike:  # else limbs are on their sides already
         of_mesh = 0.0 if overlap is None else np.where(are_hard, overlap[:, zones.of_pair], 0.0)
@@ -177,31 +177,21 @@ def _displaced(
     return solved(frames._replace(soft=frames.soft + more))[0] if more.any() else d
 
 
-def _with_columns(values: Array, count: int) -> Array:
-    """Values of zones, (frames, zones), and zeros for the user's zones, `count` in all."""
-    return np.pad(values, ((0, 0), (0, count - values.shape[1])))
-
-
 def _false_overlap(
-    skins: Skins,
-    posed: Motion,
-    zones: ContactZones,
-    of_source: Array,
-    found: int,
-    first: int,
-    targets: LimbTargets | None,
+    skins: Skins, posed: Motion, zones: ContactZones, of_source: Array, first: int, targets: LimbTargets | None
 ) -> Array:
-    """(frames, zones), how far capsules overlap where the mesh does not, by the overlap `of_source`; arguments as in
-    `_displaced`, and the number of zones that were `found`, to which those of the user are added.
+    """(frames, zones), how far capsules overlap where the mesh does not. `of_source`, (frames, found zones), is the
+    overlap of the source, without zones of the user; other arguments as in `_displaced`.
     """
-    pairs = skins.target.balls.pairs
+    pairs, found = skins.target.balls.pairs, of_source.shape[1]
     overlap = false_overlap(skins.target, zones, pairs, posed, first, skins.least_gap)
     # The mesh of an arm that has passed through another arm is outside of it, too: the source's has to be as well.
     on_arms = np.isin(zones.groups, GROUP[:-1][IS_ARM])
     if targets is not None:
         on_arms[zones.of_pair[targets.anchored]] = False
-    overlap[:, on_arms] = np.minimum(overlap, of_source)[:, on_arms]
     overlap[:, found:] = 0.0  # the user's gaps are those of capsules
+    of_found = overlap[:, :found]
+    np.minimum(of_found, of_source, out=of_found, where=on_arms[:found])
     return overlap
 
 

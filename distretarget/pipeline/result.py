@@ -341,7 +341,7 @@ class RetargetResult:
         joints that miss their places. The latter are left out if the body cannot turn, which explains them.
         """
         lost_turn = (*self._lost_turn(),)
-        odd = (*self._lost_path(), *lost_turn, *self._exchanged_sides(), *self._strides_at_rest(), *self._off_floor())
+        odd = (*self._lost_path(), *lost_turn, *self._doubtful_sides(), *self._strides_at_rest(), *self._off_floor())
         if lost_turn:
             return (*odd, *self.unmet)
         causes = Causes(self.motion, self.matching, self.supports, self.effort)
@@ -366,7 +366,7 @@ class RetargetResult:
             lack = f"the target's root {skeleton.names[0]!r} lacks rotation channels"
             yield Remark(f"the body keeps its heading and does not turn, by up to {turn:.0f} degrees: {lack}")
 
-    def _exchanged_sides(self) -> Iterator[Remark]:
+    def _doubtful_sides(self) -> Iterator[Remark]:
         for name, body in (("source", self.matching.source), ("target", self.matching.target)):
             if body.anatomy and (what := body.anatomy.swapped_sides):
                 named = "left and right" if what == "sides" else f"left and right of the {what}"
